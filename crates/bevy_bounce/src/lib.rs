@@ -1,0 +1,40 @@
+//! Dynamic global illumination for Bevy on every GPU that wgpu reaches.
+//!
+//! ```no_run
+//! use bevy::prelude::*;
+//! use bevy_bounce::prelude::*;
+//!
+//! App::new()
+//!     .add_plugins((DefaultPlugins, GlobalIlluminationPlugins::default()))
+//!     .add_systems(Startup, |mut commands: Commands| {
+//!         commands.spawn((Camera3d::default(), GlobalIllumination::default()));
+//!     })
+//!     .run();
+//! ```
+//!
+//! Every `Mesh3d` with a `StandardMaterial` and every point, spot and directional light takes part unless told
+//! otherwise ([`VoxelizedMesh`], [`GiLight`]).
+
+mod avg;
+mod compose;
+mod compute;
+mod interleaved;
+mod plugins;
+mod scene;
+mod settings;
+mod vpl;
+
+pub use avg::AvgPlugin;
+pub use compose::{GiComposePlugin, GiIsolate};
+pub use interleaved::InterleavedShadingPlugin;
+pub use plugins::{GiSystems, GlobalIlluminationPlugins};
+pub use scene::{GiLight, GiScenePlugin, VoxelizedMesh};
+pub use settings::{GiSettings, GlobalIllumination, Quality, Technique, VplVisibility};
+pub use vpl::VplPlugin;
+
+/// What a game needs to name.
+pub mod prelude {
+    pub use crate::{
+        GiLight, GlobalIllumination, GlobalIlluminationPlugins, Quality, Technique, VoxelizedMesh, VplVisibility,
+    };
+}

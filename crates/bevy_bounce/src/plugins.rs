@@ -1,0 +1,49 @@
+//! The plugin group, and the order of the frame.
+
+use bevy::app::PluginGroupBuilder;
+use bevy::prelude::*;
+
+use crate::{AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, VplPlugin};
+
+/// Everything a game needs for bounced light; each plugin can be disabled on its own.
+///
+/// | plugin | what it does | without it |
+/// |---|---|---|
+/// | [`GiScenePlugin`] | scene on the GPU: meshes, materials, lights | nothing bounces |
+/// | [`AvgPlugin`] | voxel grid | nothing bounces |
+/// | [`VplPlugin`] | virtual point lights | nothing bounces |
+/// | [`InterleavedShadingPlugin`] | indirect light per pixel | nothing bounces |
+/// | [`GiComposePlugin`] | into the picture | Bevy's own picture |
+#[derive(Default)]
+pub struct GlobalIlluminationPlugins {
+    _private: (),
+}
+
+impl PluginGroup for GlobalIlluminationPlugins {
+    fn build(self) -> PluginGroupBuilder {
+        PluginGroupBuilder::start::<Self>()
+            .add(GiScenePlugin)
+            .add(AvgPlugin)
+            .add(VplPlugin)
+            .add(InterleavedShadingPlugin)
+            .add(GiComposePlugin)
+    }
+}
+
+/// Order of the render world's stages.
+///
+/// `PrepareScene` and `Prepare` run in `RenderSystems::PrepareResources`; the others are passes in `RenderGraph`, chained,
+/// before any camera.
+#[derive(SystemSet, Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub enum GiSystems {
+    /// Scene buffers are uploaded.
+    PrepareScene,
+    /// Grid, virtual lights and view textures are allocated; follows `PrepareScene`.
+    Prepare,
+    /// Deformed vertices and material thumbnails are written.
+    Scene,
+    /// The voxel grid is built.
+    Voxelize,
+    /// Virtual point lights are traced.
+    VplTrace,
+}

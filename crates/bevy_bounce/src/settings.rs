@@ -1,0 +1,93 @@
+//! What a camera asks for, and what the world stages make of it.
+
+use bevy::prelude::*;
+use bevy::render::extract_component::ExtractComponent;
+
+/// Lights what this camera sees with bounced light, computed afresh every frame.
+///
+/// Brings along what it needs (HDR, deferred prepass, no MSAA, no ambient light) and hands back what it found when it is
+/// removed.
+#[derive(Component, ExtractComponent, Reflect, Clone, Debug, Default, PartialEq)]
+#[reflect(Component, Default, Debug, Clone, PartialEq)]
+pub struct GlobalIllumination {
+    /// How the bounced light is computed.
+    pub technique: Technique,
+    /// How much is spent on it.
+    pub quality: Quality,
+}
+
+/// How bounced light is computed.
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Technique {
+    /// Bevy's own picture.
+    None,
+    /// Virtual point lights traced through the voxel grid. Keller 1997, Bashford-Rogers et al. 2012.
+    #[default]
+    InstantRadiosity,
+}
+
+/// How much is spent. With several cameras the world stages follow the most demanding one.
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq)]
+pub enum Quality {
+    /// 256 virtual lights, a grid of 32^3 voxels.
+    Low,
+    /// 1024 virtual lights, a grid of 64^3 voxels.
+    #[default]
+    Medium,
+    /// 4096 virtual lights, a grid of 96^3 voxels.
+    High,
+    /// 8192 virtual lights, a grid of 128^3 voxels.
+    Ultra,
+    /// Every value by hand.
+    Custom(GiSettings),
+}
+
+/// The values behind [`Quality`].
+#[derive(Reflect, Clone, Copy, Debug, PartialEq)]
+pub struct GiSettings {
+    /// Edge of the voxel grid, in voxels: the budget is `grid`^3, spread over the scene's bounds in cubic voxels.
+    /// 8 to 256. Memory and the cost of voxelisation grow with its cube.
+    pub grid: u32,
+    /// Virtual point lights, 16 to 65536. Each pixel is lit by a sixteenth of them; cost is proportional.
+    pub vpls: u32,
+    /// Longest path, in bounces, 1 to 32. Roulette ends most paths earlier; what a limit of n leaves out of a room of
+    /// albedo a is a^n of the bounced light.
+    pub bounces: u32,
+    /// What a virtual light can see.
+    pub visibility: VplVisibility,
+}
+
+/// What a virtual point light can see.
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum VplVisibility {
+    /// Everything: no shadows in the bounced light. Fast, and it leaks.
+    None,
+    /// A ray through the voxel grid for every virtual light and pixel.
+    #[default]
+    Voxel,
+}
+
+impl Default for GiSettings {
+    fn default() -> Self {
+        Quality::default().settings()
+    }
+}
+
+impl Quality {
+    /// The values this quality stands for, within the documented ranges.
+    pub fn settings(&self) -> GiSettings {
+        let preset = |grid, vpls| GiSettings { grid, vpls, bounces: 12, visibility: VplVisibility::Voxel };
+        match *self {
+            Quality::Low => preset(32, 256),
+            Quality::Medium => preset(64, 1024),
+            Quality::High => preset(96, 4096),
+            Quality::Ultra => preset(128, 8192),
+            Quality::Custom(custom) => GiSettings {
+                grid: custom.grid.clamp(8, 256),
+                vpls: custom.vpls.clamp(16, 65536),
+                bounces: custom.bounces.clamp(1, 32),
+                visibility: custom.visibility,
+            },
+        }
+    }
+}

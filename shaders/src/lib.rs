@@ -1,0 +1,35 @@
+//! All WGSL of bevy_bounce, and the Rust structs that it mirrors.
+//!
+//! Every file is listed in [`SHADERS`]; modules are imported by their `#define_import_path`, which is
+//! `bevy_bounce::FOLDER::FILE`.
+
+pub mod types;
+
+/// A WGSL file of this crate.
+#[derive(Clone, Copy, Debug)]
+pub struct ShaderSource {
+    /// Path within the crate, e.g. `avg/mark.wgsl`.
+    pub path: &'static str,
+    /// Its text, with naga_oil directives.
+    pub source: &'static str,
+    /// Compute entry points; empty for a module that is only imported and for fragment shaders.
+    pub entry_points: &'static [&'static str],
+}
+
+macro_rules! shaders {
+    ($($path:literal => [$($entry:literal),*]),* $(,)?) => {
+        /// All shaders, imported modules before those that import them.
+        pub const SHADERS: &[ShaderSource] = &[$(ShaderSource {
+            path: $path,
+            source: include_str!($path),
+            entry_points: &[$($entry),*],
+        }),*];
+    };
+}
+
+shaders! {}
+
+/// The shader of that path.
+pub fn shader(path: &str) -> Option<&'static ShaderSource> {
+    SHADERS.iter().find(|shader| shader.path == path)
+}

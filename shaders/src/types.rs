@@ -1,0 +1,180 @@
+//! Structs that Rust and WGSL share. A test compares every one with what naga makes of its WGSL twin of the same name.
+
+use bevy::math::{UVec3, Vec3, Vec4};
+use bevy::render::render_resource::ShaderType;
+
+/// No such offset or index.
+pub const NONE: u32 = u32::MAX;
+
+/// Triangles a workgroup of the voxeliser takes: one [`Chunk`] each.
+pub const CHUNK_TRIANGLES: u32 = 64;
+
+/// Words a vertex takes in the geometry buffer: position (3 f32, local), UV (2 f16 in one word).
+pub const VERTEX_WORDS: u32 = 4;
+
+/// Words a vertex takes in the skin section: 4 u16 joint indices, 4 unorm16 weights.
+pub const SKIN_WORDS: u32 = 4;
+
+/// Words a deformed vertex takes: world-space position (3 f32).
+pub const DEFORMED_WORDS: u32 = 3;
+
+/// Edge of a thumbnail, in texels; one word a texel (RGBA8, colour stored as its square root).
+pub const THUMBNAIL_SIZE: u32 = 16;
+
+/// [`Instance::flags`]: reflects on both sides.
+pub const INSTANCE_TWO_SIDED: u32 = 1;
+
+/// One mesh in the world.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Instance {
+    /// First row of the affine local-to-world matrix.
+    pub world_from_local_x: Vec4,
+    /// Second row.
+    pub world_from_local_y: Vec4,
+    /// Third row.
+    pub world_from_local_z: Vec4,
+    /// First index, in words of the geometry buffer.
+    pub index_offset: u32,
+    /// Triangles; 0 for a free slot.
+    pub triangle_count: u32,
+    /// First vertex, in words of the geometry buffer.
+    pub vertex_offset: u32,
+    /// First deformed vertex, in words of the geometry buffer, or [`NONE`] for a rigid mesh.
+    pub deformed_offset: u32,
+    /// Index into the materials.
+    pub material: u32,
+    /// `INSTANCE_*`.
+    pub flags: u32,
+    /// RGBA8 linear albedo that replaces the material's where alpha is not 0.
+    pub albedo_override: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding: u32,
+}
+
+/// Up to [`CHUNK_TRIANGLES`] consecutive triangles of one instance.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Chunk {
+    /// Index into the instances.
+    pub instance: u32,
+    /// First triangle within the instance.
+    pub first_triangle: u32,
+}
+
+/// What bounced light needs to know of a material.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Material {
+    /// Linear diffuse albedo (base colour times 1 - metallic), multiplies the thumbnail; alpha likewise.
+    pub albedo: Vec4,
+    /// Emitted radiance, cd/m^2, multiplies the emissive thumbnail.
+    pub emissive: Vec3,
+    /// Alpha below which a masked surface is not there; 0 for an opaque one.
+    pub alpha_cutoff: f32,
+    /// UV transform, rows: u' = dot(x.xy, uv) + x.z.
+    pub uv_x: Vec4,
+    /// v' = dot(y.xy, uv) + y.z.
+    pub uv_y: Vec4,
+    /// First word of the base colour thumbnail, or [`NONE`].
+    pub albedo_thumbnail: u32,
+    /// First word of the emissive thumbnail, or [`NONE`].
+    pub emissive_thumbnail: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_a: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_b: u32,
+}
+
+/// [`Light::kind`]: point light.
+pub const LIGHT_POINT: u32 = 0;
+/// [`Light::kind`]: spot light.
+pub const LIGHT_SPOT: u32 = 1;
+/// [`Light::kind`]: directional light.
+pub const LIGHT_DIRECTIONAL: u32 = 2;
+
+/// A punctual light.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Light {
+    /// World position; unused for a directional light.
+    pub position: Vec3,
+    /// `LIGHT_*`.
+    pub kind: u32,
+    /// Direction in which it shines, unit length.
+    pub direction: Vec3,
+    /// Distance beyond which it does not reach; 0 for none.
+    pub range: f32,
+    /// Linear RGB, candela (point, spot) or lux (directional).
+    pub color: Vec3,
+    /// Share of the paths, sum of it over this light and those before it, in lumens (luminance).
+    pub cumulative_power: f32,
+    /// Spot cone: attenuation is saturate(cos * scale + offset)^2, as Bevy's.
+    pub spot_scale: f32,
+    /// See `spot_scale`.
+    pub spot_offset: f32,
+    /// Cosine of the outer cone.
+    pub spot_cos_outer: f32,
+    /// Longest path from this light, in bounces.
+    pub max_bounces: u32,
+}
+
+/// Sizes of the scene, for every pass.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Scene {
+    /// Corner of the bounds of all that takes part.
+    pub bounds_min: Vec3,
+    /// Lights.
+    pub light_count: u32,
+    /// Opposite corner.
+    pub bounds_max: Vec3,
+    /// Sum of the lights' power, lumens (luminance).
+    pub light_power: f32,
+    /// Chunks of all instances.
+    pub chunk_count: u32,
+    /// Chunks of the instances whose material emits.
+    pub emissive_chunk_count: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_a: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_b: u32,
+}
+
+/// Where the voxel grid lies.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Grid {
+    /// World position of its lowest corner.
+    pub origin: Vec3,
+    /// Edge of a voxel, world units.
+    pub voxel_size: f32,
+    /// Voxels along each axis.
+    pub dims: UVec3,
+    /// Cells (voxel and facing) there is room for.
+    pub cell_capacity: u32,
+}
+
+/// One facing of a voxel: the mean of the surfaces in it that look that way. Engelhardt-style surfel.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Cell {
+    /// RGBA8 unorm: linear albedo; alpha unused.
+    pub albedo: u32,
+    /// Octahedral mean normal, 2 snorm16.
+    pub normal: u32,
+    /// Signed distance of the mean plane from the voxel's centre along the normal, in voxels.
+    pub plane: f32,
+    /// Surface area in the voxel, in voxel faces.
+    pub area: f32,
+}
+
+/// A virtual point light: a cosine emitter.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Vpl {
+    /// World position.
+    pub position: Vec3,
+    /// Bounces behind it: 0 on an emissive surface.
+    pub bounce: u32,
+    /// Unit normal.
+    pub normal: Vec3,
+    /// Index of its path.
+    pub path: u32,
+    /// Linear RGB flux, lumens.
+    pub flux: Vec3,
+    /// Keeps rows of 16 bytes.
+    pub padding: u32,
+}
