@@ -27,7 +27,9 @@ macro_rules! shaders {
     };
 }
 
-shaders! {}
+shaders! {
+    "shared/octahedral.wgsl" => [],
+}
 
 /// The shader of that path.
 pub fn shader(path: &str) -> Option<&'static ShaderSource> {

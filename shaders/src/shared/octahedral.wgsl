@@ -1,0 +1,34 @@
+// Unit vectors in one word: octahedral map, two 16-bit signed normalised values.
+//
+// Cigolle et al. 2014, "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), Listing 1 and 2.
+// The largest angular error of this width is about 0.004 degrees.
+
+#define_import_path bevy_bounce::shared::octahedral
+
+/// -1 or 1, and 1 for 0: `sign` would send an axis to the centre.
+fn sign_not_zero(v: vec2<f32>) -> vec2<f32> {
+    return select(vec2<f32>(-1.0), vec2<f32>(1.0), v >= vec2<f32>(0.0));
+}
+
+/// A unit vector to a point of [-1, 1]^2.
+fn unit_to_octahedral(n: vec3<f32>) -> vec2<f32> {
+    let p = n.xy / (abs(n.x) + abs(n.y) + abs(n.z));
+    return select((1.0 - abs(p.yx)) * sign_not_zero(p), p, n.z >= 0.0);
+}
+
+/// A point of [-1, 1]^2 to a unit vector.
+fn octahedral_to_unit(p: vec2<f32>) -> vec3<f32> {
+    let z = 1.0 - abs(p.x) - abs(p.y);
+    let xy = select((1.0 - abs(p.yx)) * sign_not_zero(p), p, z >= 0.0);
+    return normalize(vec3<f32>(xy, z));
+}
+
+/// A unit vector to its word.
+fn encode_unit(n: vec3<f32>) -> u32 {
+    return pack2x16snorm(unit_to_octahedral(n));
+}
+
+/// A word to its unit vector.
+fn decode_unit(word: u32) -> vec3<f32> {
+    return octahedral_to_unit(unpack2x16snorm(word));
+}
