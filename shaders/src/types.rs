@@ -24,6 +24,9 @@ pub const THUMBNAIL_SIZE: u32 = 16;
 /// [`Instance::flags`]: reflects on both sides.
 pub const INSTANCE_TWO_SIDED: u32 = 1;
 
+/// [`Instance::flags`]: the side seen is the one with clockwise winding (front faces are culled).
+pub const INSTANCE_FLIPPED: u32 = 2;
+
 /// One mesh in the world.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Instance {

@@ -1,7 +1,10 @@
 //! The plugin group, and the order of the frame.
 
-use bevy::app::PluginGroupBuilder;
+use bevy::app::{PluginGroupBuilder, SubApp};
+use bevy::core_pipeline::schedule::camera_driver;
 use bevy::prelude::*;
+use bevy::render::renderer::RenderGraph;
+use bevy::render::{Render, RenderSystems};
 
 use crate::{AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, VplPlugin};
 
@@ -46,4 +49,17 @@ pub enum GiSystems {
     Voxelize,
     /// Virtual point lights are traced.
     VplTrace,
+}
+
+/// Orders the stages; every plugin of the group calls it, so that each works without the others.
+pub(crate) fn configure_stages(render_app: &mut SubApp) {
+    render_app
+        .configure_sets(
+            Render,
+            (GiSystems::PrepareScene, GiSystems::Prepare).chain().in_set(RenderSystems::PrepareResources),
+        )
+        .configure_sets(
+            RenderGraph,
+            (GiSystems::Scene, GiSystems::Voxelize, GiSystems::VplTrace).chain().before(camera_driver),
+        );
 }
