@@ -1,1 +1,25 @@
-//! x
+//! What the tests of bevy_bounce stand on.
+//!
+//! | module | what for |
+//! |---|---|
+//! | [`compose`] | the shipped WGSL as naga modules, with Bevy's own modules beside it |
+//! | [`translate`] | those modules in every language that a backend takes, and what they ask of a device |
+//! | [`gpu`] | one compute shader on its own: bind, dispatch, read back |
+//! | [`layout`] | memory layouts of the structs that Rust and WGSL share |
+//! | [`picture`], [`metrics`], [`flip`] | pictures and how far apart they are |
+//! | [`references`] | where scenes and path-traced references are |
+//! | [`stats`] | chi-squared test |
+//!
+//! The suites are in `tests/suite`. Environment: `BOUNCE_WEBGPU_LIMITS=1` runs every device with WebGPU's default limits
+//! and no optional feature; `BOUNCE_SHARED` names the folder with scenes and references; `BOUNCE_STRICT=1` fails where
+//! they are absent instead of skipping by name.
+
+pub mod compose;
+pub mod flip;
+pub mod gpu;
+pub mod layout;
+pub mod metrics;
+pub mod picture;
+pub mod references;
+pub mod stats;
+pub mod translate;
