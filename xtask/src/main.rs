@@ -1,2 +1,67 @@
-//! x
-fn main() {}
+//! The project's chores: set-up, demo, tests, checks and measurements.
+//!
+//! `cargo xtask help` lists them. Plain Rust, so that it builds in seconds on a bare machine and can set up the rest.
+
+mod bench;
+mod bench_report;
+mod ci;
+mod demo;
+mod drivers;
+mod glb;
+mod packages;
+mod process;
+mod setup;
+mod stats;
+mod table;
+
+use std::error::Error;
+use std::process::ExitCode;
+
+/// Chores end with one line that says what went wrong.
+pub type Result<T> = std::result::Result<T, Box<dyn Error>>;
+
+const USAGE: &str = "\
+usage: cargo xtask COMMAND
+
+  demo [--headless] [-- VIEWER OPTIONS]
+                 set up, build, and show a scene: in a window where there is a display, otherwise as
+                 target/demo.png with a table of stage times
+  test [CARGO TEST OPTIONS]
+                 set up, then `cargo test --workspace`
+  setup          find a Vulkan adapter; install Mesa's software driver where there is none
+  ci [STEP...]   everything a change must pass: setup fmt clippy test webgpu docs
+  bench [OPTIONS]
+                 stage times, median and 95th percentile, beside plain Bevy; `cargo xtask bench --help`
+  help           this text
+";
+
+fn main() -> ExitCode {
+    let mut args = std::env::args().skip(1);
+    let command = args.next();
+    let rest: Vec<String> = args.collect();
+    let done = match command.as_deref() {
+        Some("demo") => demo::demo(&rest),
+        Some("test") => demo::test(&rest),
+        Some("setup") => setup::setup(),
+        Some("ci") => ci::ci(&rest),
+        Some("bench") => bench::bench(&rest),
+        Some("help" | "--help" | "-h") => {
+            print!("{USAGE}");
+            Ok(())
+        }
+        other => {
+            if let Some(other) = other {
+                eprintln!("xtask: no command `{other}`\n");
+            }
+            eprint!("{USAGE}");
+            return ExitCode::from(2);
+        }
+    };
+    match done {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("xtask: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! Everything a change must pass, on a bare machine too.
+
+use std::process::Command;
+use std::time::{Duration, Instant};
+
+use crate::Result;
+use crate::process::{cargo, run, shared};
+use crate::setup::setup;
+use crate::table::{Table, duration};
+
+/// Steps in the order they run. Clippy leaves the dependencies' metadata behind, which `docs` uses again; both test
+/// runs share one build.
+const STEPS: [(&str, fn() -> Result<()>); 6] = [
+    ("setup", setup),
+    ("fmt", || run(&mut cargo(["fmt", "--all", "--check"]))),
+    ("clippy", || run(&mut cargo(["clippy", "--workspace", "--all-targets", "--locked", "--", "--deny", "warnings"]))),
+    ("test", || run(&mut tests())),
+    ("webgpu", || run(tests().env("WGPU_SETTINGS_PRIO", "webgpu").env("BOUNCE_WEBGPU_LIMITS", "1"))),
+    ("docs", || run(cargo(["doc", "--workspace", "--no-deps", "--locked"]).env("RUSTDOCFLAGS", "--deny warnings"))),
+];
+
+/// Runs all steps, or those named, and goes on after a failure so that one run shows everything.
+pub fn ci(names: &[String]) -> Result<()> {
+    let steps = choose(names)?;
+    match shared() {
+        Some(folder) => println!("ci: scenes and references in {}; tests that need them must run", folder.display()),
+        None => println!("ci: no shared scenes and references; tests that need them are skipped by name"),
+    }
+    let mut results: Vec<(&str, Duration, bool)> = Vec::new();
+    for (i, (name, step)) in steps.iter().enumerate() {
+        println!("\n== {name} ({} of {})", i + 1, steps.len());
+        let start = Instant::now();
+        let done = step();
+        let time = start.elapsed();
+        if let Err(error) = &done {
+            eprintln!("ci: {name}: {error}");
+        }
+        println!("== {name}: {} after {}", verdict(done.is_ok()), duration(time));
+        results.push((name, time, done.is_ok()));
+        // Without an adapter every later failure would only repeat this one.
+        if *name == "setup" && done.is_err() {
+            break;
+        }
+    }
+    print!("\n{}", summary(&results));
+    let failed: Vec<&str> = results.iter().filter(|(_, _, ok)| !ok).map(|(name, _, _)| *name).collect();
+    if failed.is_empty() { Ok(()) } else { Err(format!("failed: {}", failed.join(", ")).into()) }
+}
+
+fn tests() -> Command {
+    let mut command = cargo(["test", "--workspace", "--locked", "--no-fail-fast"]);
+    if let Some(folder) = shared() {
+        command.env("BOUNCE_SHARED", folder).env("BOUNCE_STRICT", "1");
+    }
+    command
+}
+
+type Step = (&'static str, fn() -> Result<()>);
+
+fn choose(names: &[String]) -> Result<Vec<Step>> {
+    if let Some(unknown) = names.iter().find(|name| !STEPS.iter().any(|(step, _)| step == name)) {
+        let known: Vec<&str> = STEPS.iter().map(|(name, _)| *name).collect();
+        return Err(format!("ci: no step `{unknown}`; there are {}", known.join(", ")).into());
+    }
+    Ok(STEPS.into_iter().filter(|(step, _)| names.is_empty() || names.iter().any(|name| name == step)).collect())
+}
+
+fn verdict(ok: bool) -> &'static str {
+    if ok { "passed" } else { "FAILED" }
+}
+
+fn summary(results: &[(&str, Duration, bool)]) -> Table {
+    let mut table = Table::new(["step", "time", "result"]);
+    for (name, time, ok) in results {
+        table.row([*name, &duration(*time), verdict(*ok)]);
+    }
+    let total = duration(results.iter().map(|(_, time, _)| *time).sum());
+    table.row(["total", &total, verdict(results.iter().all(|(_, _, ok)| *ok))]);
+    table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(steps: &[Step]) -> Vec<&'static str> {
+        steps.iter().map(|(name, _)| *name).collect()
+    }
+
+    #[test]
+    fn all_steps_run_unless_some_are_named() -> Result<()> {
+        assert_eq!(names(&choose(&[])?), ["setup", "fmt", "clippy", "test", "webgpu", "docs"]);
+        assert_eq!(names(&choose(&["docs".to_owned(), "fmt".to_owned()])?), ["fmt", "docs"]);
+        assert!(choose(&["tests".to_owned()]).is_err_and(|error| error.to_string().contains("`tests`")));
+        Ok(())
+    }
+
+    #[test]
+    fn one_failure_fails_the_total() {
+        let text =
+            summary(&[("fmt", Duration::from_secs(1), true), ("test", Duration::from_secs(90), false)]).to_string();
+        assert!(text.contains("| total | 1 min 31 s | FAILED |"), "{text}");
+    }
+
+    #[test]
+    fn both_test_runs_are_one_build() {
+        assert_eq!(crate::process::line(&tests()), "cargo test --workspace --locked --no-fail-fast");
+    }
+}
