@@ -29,6 +29,20 @@ macro_rules! shaders {
 
 shaders! {
     "shared/octahedral.wgsl" => [],
+    "shared/sampling.wgsl" => [],
+    "shared/grid.wgsl" => [],
+    "shared/rays.wgsl" => [],
+    "shared/triangles.wgsl" => [],
+    "avg/voxelize.wgsl" => ["triangles", "bricks"],
+    "avg/cells.wgsl" => ["count_blocks", "scan_blocks", "assign_cells", "resolve"],
+    "avg/distance.wgsl" => ["pass_x", "pass_y", "pass_z"],
+    "vpl/types.wgsl" => [],
+    "vpl/emitters.wgsl" => ["collect", "accumulate"],
+    "vpl/trace.wgsl" => ["trace_paths"],
+    "vpl/list.wgsl" => ["build_list"],
+    "interleaved/surface.wgsl" => [],
+    "interleaved/shade.wgsl" => ["shade"],
+    "interleaved/filter.wgsl" => ["filter_joined"],
 }
 
 /// The shader of that path.

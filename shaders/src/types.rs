@@ -152,17 +152,18 @@ pub struct Grid {
     pub cell_capacity: u32,
 }
 
-/// One facing of a voxel: the mean of the surfaces in it that look that way. Engelhardt-style surfel.
+/// One facing of a voxel: the mean of the surfaces in it that look that way.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Cell {
     /// RGBA8 unorm: linear albedo; alpha unused.
     pub albedo: u32,
     /// Octahedral mean normal, 2 snorm16.
     pub normal: u32,
-    /// Signed distance of the mean plane from the voxel's centre along the normal, in voxels.
-    pub plane: f32,
-    /// Surface area in the voxel, in voxel faces.
-    pub area: f32,
+    /// 2 f16: signed distance of the mean plane from the voxel's centre along the normal, in voxels; surface area in the
+    /// voxel, in voxel faces.
+    pub plane_area: u32,
+    /// Bounds of the surfaces within the voxel, 5 bits each: low x, y, z, high x, y, z.
+    pub bounds: u32,
 }
 
 /// A virtual point light: a cosine emitter.
@@ -180,4 +181,58 @@ pub struct Vpl {
     pub flux: Vec3,
     /// Keeps rows of 16 bytes.
     pub padding: u32,
+}
+
+/// An emissive triangle as an area light.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Emitter {
+    /// World position of its first corner.
+    pub position: Vec3,
+    /// 1 where it shines on both sides.
+    pub two_sided: u32,
+    /// From the first corner to the second.
+    pub edge_b: Vec3,
+    /// Power, lumens (luminance), of this triangle and those before it.
+    pub cumulative_power: f32,
+    /// From the first corner to the third.
+    pub edge_c: Vec3,
+    /// Keeps rows of 16 bytes.
+    pub padding_a: u32,
+    /// Unit normal of the side that is seen.
+    pub normal: Vec3,
+    /// Keeps rows of 16 bytes.
+    pub padding_b: u32,
+    /// Linear RGB flux, lumens, of all its sides.
+    pub flux: Vec3,
+    /// Keeps rows of 16 bytes.
+    pub padding_c: u32,
+}
+
+/// Sizes of the path tracer.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct VplParameters {
+    /// Virtual lights there is room for.
+    pub capacity: u32,
+    /// Paths traced.
+    pub path_count: u32,
+    /// Longest path, bounces.
+    pub max_bounces: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding: u32,
+}
+
+/// Subsets of the virtual lights: a pixel of each 4x4 block is lit by one of them.
+pub const SUBSETS: usize = 16;
+
+/// What the list of virtual lights holds.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct VplHeader {
+    /// First light of each subset, and the end of the last.
+    pub subset_start: [u32; SUBSETS + 1],
+    /// Paths that the list holds whole: fluxes are divided by it.
+    pub path_count: u32,
+    /// Largest geometry term, 1/m^2.
+    pub geometry_bound: f32,
+    /// Lights in the list.
+    pub count: u32,
 }

@@ -3,9 +3,10 @@
 use bevy::app::{PluginGroupBuilder, SubApp};
 use bevy::core_pipeline::schedule::camera_driver;
 use bevy::prelude::*;
-use bevy::render::renderer::RenderGraph;
-use bevy::render::{Render, RenderSystems};
+use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
+use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
+use crate::settings::{GiWorldSettings, extract_world_settings};
 use crate::{AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, VplPlugin};
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.
@@ -53,6 +54,9 @@ pub enum GiSystems {
 
 /// Orders the stages; every plugin of the group calls it, so that each works without the others.
 pub(crate) fn configure_stages(render_app: &mut SubApp) {
+    if !render_app.world().contains_resource::<GiWorldSettings>() {
+        render_app.init_resource::<GiWorldSettings>().add_systems(ExtractSchedule, extract_world_settings);
+    }
     render_app
         .configure_sets(
             Render,
@@ -60,6 +64,9 @@ pub(crate) fn configure_stages(render_app: &mut SubApp) {
         )
         .configure_sets(
             RenderGraph,
-            (GiSystems::Scene, GiSystems::Voxelize, GiSystems::VplTrace).chain().before(camera_driver),
+            (GiSystems::Scene, GiSystems::Voxelize, GiSystems::VplTrace)
+                .chain()
+                .in_set(RenderGraphSystems::Render)
+                .before(camera_driver),
         );
 }

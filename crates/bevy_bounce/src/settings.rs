@@ -1,6 +1,7 @@
 //! What a camera asks for, and what the world stages make of it.
 
 use bevy::prelude::*;
+use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
 
 /// Lights what this camera sees with bounced light, computed afresh every frame.
@@ -90,4 +91,25 @@ impl Quality {
             },
         }
     }
+}
+
+/// What the world stages work for this frame: for every value the highest that an active camera asks for; `None` without
+/// such a camera.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct GiWorldSettings(pub Option<GiSettings>);
+
+pub(crate) fn extract_world_settings(
+    mut world: ResMut<GiWorldSettings>,
+    cameras: Extract<Query<(&GlobalIllumination, &Camera)>>,
+) {
+    world.0 = cameras
+        .iter()
+        .filter(|(gi, camera)| camera.is_active && gi.technique != Technique::None)
+        .map(|(gi, _)| gi.quality.settings())
+        .reduce(|a, b| GiSettings {
+            grid: a.grid.max(b.grid),
+            vpls: a.vpls.max(b.vpls),
+            bounces: a.bounces.max(b.bounces),
+            visibility: a.visibility,
+        });
 }

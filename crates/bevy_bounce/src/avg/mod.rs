@@ -1,10 +1,57 @@
-//! avg
+//! The approximate visibility grid: the scene as voxels, built anew every frame.
+//! Bashford-Rogers et al. 2012, "Approximate Visibility Grids for Interactive Indirect Illumination", III-A.
+//!
+//! # Data
+//!
+//! The scene's bounds are covered with cubic voxels, `grid`^3 of them at most, one word each. A voxel keeps what faces +x
+//! apart from what faces -x, and so on: each of its six facings that holds a surface has a *cell*, so that the two sides of
+//! a thin wall mix neither colour nor normal. Cells are compact (a prefix sum over the voxels places them).
+//!
+//! | buffer | bytes at 64^3 | holds |
+//! |---|---|---|
+//! | `voxels` | 1 MiB | first cell, facings, distance to the nearest occupied voxel |
+//! | `cells` | 2 MiB | albedo, normal, plane, area, bounds: 16 bytes each, room for one cell per two voxels |
+//! | `sums` | 8 MiB | their fixed-point sums |
+//! | `along_x`, `along_y` | 2 MiB | the distance along one and two axes |
+//! | `queue` | 0.8 MiB | bricks of large triangles |
+//!
+//! # Where it differs from the paper
+//!
+//! The paper rasterises slices and blends floats; here a compute kernel tests triangles against voxels exactly and adds
+//! integers, so that no triangle is lost and two runs agree to the bit. A ray meets the mean plane of a cell, not its cube:
+//! see `shared/rays.wgsl`.
+
+mod grid;
+mod passes;
+mod pipelines;
 
 use bevy::prelude::*;
+use bevy::render::render_resource::PipelineCache;
+use bevy::render::renderer::RenderGraph;
+use bevy::render::{Render, RenderApp, RenderStartup};
 
-/// AvgPlugin
+use crate::compute::load_shaders;
+use crate::plugins::{GiSystems, configure_stages};
+
+pub(crate) use grid::VoxelGrid;
+pub(crate) use pipelines::{bind_grid, grid_layout};
+
+/// Builds the voxel grid; see the [module](self).
 pub struct AvgPlugin;
 
 impl Plugin for AvgPlugin {
     fn build(&self, _app: &mut App) {}
+
+    fn finish(&self, app: &mut App) {
+        load_shaders(app);
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        if !render_app.world().contains_resource::<PipelineCache>() {
+            return;
+        }
+        configure_stages(render_app);
+        render_app
+            .add_systems(RenderStartup, pipelines::init_pipelines)
+            .add_systems(Render, grid::prepare_grid.in_set(GiSystems::Prepare))
+            .add_systems(RenderGraph, passes::voxelize.in_set(GiSystems::Voxelize));
+    }
 }

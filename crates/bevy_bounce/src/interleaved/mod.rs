@@ -1,10 +1,40 @@
-//! interleaved
+//! Interleaved shading: every pixel is lit by a sixteenth of the virtual lights, and its 4x4 neighbourhood by all.
+//! Keller & Heidrich 2001, "Interleaved Sampling"; Bashford-Rogers et al. 2012, III-C.
+//!
+//! Two compute passes: `shade` writes the irradiance of one subset into `interleaved`, `filter` the mean of each pixel's 4x4
+//! window, edges left out, into `indirect` (see [`ViewTextures`](crate::view::ViewTextures)).
+//!
+//! The geometry term is bounded by pi N / A, for N lights and A square metres of surface: a light stands for A / N of the
+//! surface, which lights nothing more than if it filled a whole hemisphere. What this takes from corners is left to
+//! bias compensation.
 
+mod passes;
+mod pipelines;
+
+use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
+use bevy::render::render_resource::PipelineCache;
+use bevy::render::{RenderApp, RenderStartup};
 
-/// InterleavedShadingPlugin
+use crate::compute::load_shaders;
+use crate::plugins::configure_stages;
+use crate::view::ViewPass;
+
+/// Lights pixels by virtual lights; see the [module](self).
 pub struct InterleavedShadingPlugin;
 
 impl Plugin for InterleavedShadingPlugin {
     fn build(&self, _app: &mut App) {}
+
+    fn finish(&self, app: &mut App) {
+        load_shaders(app);
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        if !render_app.world().contains_resource::<PipelineCache>() {
+            return;
+        }
+        configure_stages(render_app);
+        render_app
+            .add_systems(RenderStartup, pipelines::init_pipelines)
+            .add_systems(Core3d, passes::shade.in_set(ViewPass::Shade));
+    }
 }

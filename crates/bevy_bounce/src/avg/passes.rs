@@ -1,0 +1,87 @@
+//! Builds the grid: mark, place cells, add up, take means, measure distances.
+
+use bevy::prelude::*;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::PipelineCache;
+use bevy::render::renderer::RenderContext;
+
+use super::grid::VoxelGrid;
+use super::pipelines::AvgPipelines;
+use crate::compute::{folded, whole};
+use crate::scene::SceneBuffers;
+use crate::settings::GiWorldSettings;
+
+/// Workgroups that share the queue of bricks.
+const BRICK_WORKGROUPS: u32 = 1024;
+/// Threads of a workgroup of the kernels that take a voxel or a cell each.
+const GROUP: u32 = 64;
+
+pub(super) fn voxelize(
+    settings: Res<GiWorldSettings>,
+    pipelines: Option<Res<AvgPipelines>>,
+    grid: Option<Res<VoxelGrid>>,
+    scene: Option<Res<SceneBuffers>>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (Some(_), Some(p), Some(grid), Some(scene)) = (settings.0, pipelines, grid, scene) else { return };
+    let Some(uniform) = grid.uniform.binding() else { return };
+    let Some(scene_uniform) = scene.uniform() else { return };
+    let device = ctx.render_device().clone();
+    let triangles = [
+        whole(&scene.geometry),
+        whole(&scene.instances),
+        whole(&scene.materials),
+        whole(&scene.thumbnails),
+        uniform.clone(),
+        scene_uniform,
+        whole(&scene.chunks),
+        whole(&grid.queue),
+        whole(&grid.voxels),
+        whole(&grid.sums),
+    ];
+    let mark = p.mark_triangles.bind(&device, &cache, &triangles[..9]);
+    let add = p.add_triangles.bind(&device, &cache, &triangles);
+    let cells = p.resolve.bind(
+        &device,
+        &cache,
+        &[
+            uniform.clone(),
+            whole(&grid.voxels),
+            whole(&grid.blocks),
+            whole(&grid.counters),
+            whole(&grid.sums),
+            whole(&grid.cells),
+        ],
+    );
+    let distance =
+        p.distance_x.bind(&device, &cache, &[uniform, whole(&grid.voxels), whole(&grid.along_x), whole(&grid.along_y)]);
+
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = ctx.command_encoder();
+    let span = diagnostics.time_span(encoder, "bounce/voxelize");
+
+    let chunks = folded(scene.chunk_count());
+    let bricks = UVec3::new(if chunks == UVec3::ZERO { 0 } else { BRICK_WORKGROUPS }, 1, 1);
+    let blocks = folded(grid.block_count());
+    let per_voxel = folded(grid.voxel_count().div_ceil(GROUP));
+    let per_cell = folded(grid.grid.cell_capacity.div_ceil(GROUP));
+
+    encoder.clear_buffer(&grid.voxels, 0, None);
+    encoder.clear_buffer(&grid.sums, 0, None);
+    encoder.clear_buffer(&grid.queue, 0, Some(4));
+    p.mark_triangles.dispatch(encoder, &cache, &[&mark], chunks);
+    p.mark_bricks.dispatch(encoder, &cache, &[&mark], bricks);
+    p.count_blocks.dispatch(encoder, &cache, &[&cells], blocks);
+    p.scan_blocks.dispatch(encoder, &cache, &[&cells], UVec3::ONE);
+    p.assign_cells.dispatch(encoder, &cache, &[&cells], blocks);
+    encoder.clear_buffer(&grid.queue, 0, Some(4));
+    p.add_triangles.dispatch(encoder, &cache, &[&add], chunks);
+    p.add_bricks.dispatch(encoder, &cache, &[&add], bricks);
+    p.resolve.dispatch(encoder, &cache, &[&cells], per_cell);
+    p.distance_x.dispatch(encoder, &cache, &[&distance], per_voxel);
+    p.distance_y.dispatch(encoder, &cache, &[&distance], per_voxel);
+    p.distance_z.dispatch(encoder, &cache, &[&distance], per_voxel);
+    span.end(encoder);
+}

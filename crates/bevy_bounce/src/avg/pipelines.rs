@@ -1,0 +1,94 @@
+//! Kernels of the voxel grid and their bindings.
+
+use bevy::prelude::*;
+use bevy::render::render_resource::binding_types::{
+    storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
+};
+use bevy::render::render_resource::{BindGroup, BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, PipelineCache};
+use bevy::render::renderer::RenderDevice;
+
+use super::grid::VoxelGrid;
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout, whole};
+
+/// Kernels in the order they run.
+#[derive(Resource)]
+pub(super) struct AvgPipelines {
+    pub mark_triangles: Kernel,
+    pub mark_bricks: Kernel,
+    pub count_blocks: Kernel,
+    pub scan_blocks: Kernel,
+    pub assign_cells: Kernel,
+    pub add_triangles: Kernel,
+    pub add_bricks: Kernel,
+    pub resolve: Kernel,
+    pub distance_x: Kernel,
+    pub distance_y: Kernel,
+    pub distance_z: Kernel,
+}
+
+/// Group 1 of every kernel that sends rays: grid, voxels, cells. See `shared/rays.wgsl`.
+pub(crate) fn grid_layout() -> BindGroupLayoutDescriptor {
+    group_layout(
+        "bounce_grid",
+        &[
+            uniform_buffer_sized(false, None),
+            storage_buffer_read_only_sized(false, None),
+            storage_buffer_read_only_sized(false, None),
+        ],
+    )
+}
+
+pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
+    let uniform = uniform_buffer_sized(false, None);
+    let read = storage_buffer_read_only_sized(false, None);
+    let write = storage_buffer_sized(false, None);
+    let voxelize = |entry, accumulate: bool| {
+        // Geometry, instances, materials, thumbnails; grid, scene; chunks, queue; voxels, and sums in the second run.
+        let mark = [read, read, read, read, uniform, uniform, read, write, write];
+        let add = [read, read, read, read, uniform, uniform, read, write, read, write];
+        Kernel::new(
+            &cache,
+            &shaders,
+            KernelDescriptor {
+                path: "avg/voxelize.wgsl",
+                entry,
+                bindings: if accumulate { &add } else { &mark },
+                groups: &[],
+                defs: if accumulate { vec!["ACCUMULATE".into()] } else { vec![] },
+            },
+        )
+    };
+    // Grid; voxels, blocks, counters, sums, cells.
+    let cells = |entry| kernel(&cache, &shaders, "avg/cells.wgsl", entry, &[uniform, write, write, write, read, write]);
+    // Grid; voxels, distances along x and along x and y.
+    let distance = |entry| kernel(&cache, &shaders, "avg/distance.wgsl", entry, &[uniform, write, write, write]);
+    commands.insert_resource(AvgPipelines {
+        mark_triangles: voxelize("triangles", false),
+        mark_bricks: voxelize("bricks", false),
+        count_blocks: cells("count_blocks"),
+        scan_blocks: cells("scan_blocks"),
+        assign_cells: cells("assign_cells"),
+        add_triangles: voxelize("triangles", true),
+        add_bricks: voxelize("bricks", true),
+        resolve: cells("resolve"),
+        distance_x: distance("pass_x"),
+        distance_y: distance("pass_y"),
+        distance_z: distance("pass_z"),
+    });
+}
+
+fn kernel(
+    cache: &PipelineCache,
+    shaders: &GiShaders,
+    path: &'static str,
+    entry: &'static str,
+    bindings: &[BindGroupLayoutEntryBuilder],
+) -> Kernel {
+    Kernel::new(cache, shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
+}
+
+/// The grid as group 1 of a kernel that sends rays.
+pub(crate) fn bind_grid(grid: &VoxelGrid, device: &RenderDevice, cache: &PipelineCache) -> Option<BindGroup> {
+    let resources = [grid.uniform.binding()?, whole(&grid.voxels), whole(&grid.cells)];
+    Some(bind_group(device, cache, &grid_layout(), &resources))
+}

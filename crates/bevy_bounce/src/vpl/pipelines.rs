@@ -1,0 +1,40 @@
+//! Kernels of the path tracer and their bindings.
+
+use bevy::prelude::*;
+use bevy::render::render_resource::PipelineCache;
+use bevy::render::render_resource::binding_types::{
+    storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
+};
+
+use crate::avg::grid_layout;
+use crate::compute::{GiShaders, Kernel, KernelDescriptor};
+
+/// Kernels in the order they run.
+#[derive(Resource)]
+pub(super) struct VplPipelines {
+    pub collect_emitters: Kernel,
+    pub accumulate_emitters: Kernel,
+    pub trace_paths: Kernel,
+    pub build_list: Kernel,
+}
+
+pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
+    let uniform = uniform_buffer_sized(false, None);
+    let read = storage_buffer_read_only_sized(false, None);
+    let write = storage_buffer_sized(false, None);
+    let kernel = |path, entry, bindings: &[_], groups: &[_]| {
+        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs: vec![] })
+    };
+    // Geometry, instances, materials, thumbnails; emissive chunks, emitters, scene.
+    let emitters = [read, read, read, read, read, write, uniform];
+    // Parameters, scene; lights, emitters; vertices, lengths.
+    let trace = [uniform, uniform, read, read, write, write];
+    // Parameters, grid; vertices, lengths, counters; header, list.
+    let list = [uniform, uniform, read, read, read, write, write];
+    commands.insert_resource(VplPipelines {
+        collect_emitters: kernel("vpl/emitters.wgsl", "collect", &emitters, &[]),
+        accumulate_emitters: kernel("vpl/emitters.wgsl", "accumulate", &emitters, &[]),
+        trace_paths: kernel("vpl/trace.wgsl", "trace_paths", &trace, &[grid_layout()]),
+        build_list: kernel("vpl/list.wgsl", "build_list", &list, &[]),
+    });
+}

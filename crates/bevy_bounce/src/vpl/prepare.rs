@@ -1,0 +1,104 @@
+//! Buffers of the path tracer.
+
+use bevy::prelude::*;
+use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy_bounce_shaders::types::{CHUNK_TRIANGLES, Emitter, Vpl, VplHeader, VplParameters};
+
+use crate::scene::SceneBuffers;
+use crate::settings::GiWorldSettings;
+
+/// Paths traced for each virtual light there is room for. At a mean albedo a, a path leaves a / (1 - a) lights behind: this
+/// many fill the list down to an albedo of a third.
+const PATHS_PER_VPL: u32 = 2;
+
+/// Virtual lights on the GPU.
+#[derive(Resource)]
+pub(crate) struct VplBuffers {
+    /// Sizes.
+    pub parameters: UniformBuffer<VplParameters>,
+    /// Where paths were reflected.
+    pub vertices: Buffer,
+    /// Vertices of each path.
+    pub lengths: Buffer,
+    /// The list.
+    pub vpls: Buffer,
+    /// What the list holds.
+    pub header: Buffer,
+    /// Emissive triangles.
+    pub emitters: Buffer,
+}
+
+impl VplBuffers {
+    fn new(device: &RenderDevice, parameters: VplParameters) -> Self {
+        let paths = u64::from(parameters.path_count);
+        let slots = paths * u64::from(parameters.max_bounces + 1);
+        Self {
+            parameters: UniformBuffer::from(parameters),
+            vertices: storage(device, "bounce_path_vertices", slots * u64::from(Vpl::min_size())),
+            lengths: storage(device, "bounce_path_lengths", paths * 4),
+            vpls: storage(device, "bounce_vpls", u64::from(parameters.capacity) * u64::from(Vpl::min_size())),
+            header: storage(device, "bounce_vpl_header", u64::from(VplHeader::min_size())),
+            emitters: storage(device, "bounce_emitters", emitter_bytes(1)),
+        }
+    }
+
+    /// Sizes of the path tracer.
+    pub fn parameters(&self) -> VplParameters {
+        *self.parameters.get()
+    }
+
+    /// Names and sizes of what is held on the GPU, bytes.
+    pub fn bytes(&self) -> Vec<(&'static str, u64)> {
+        vec![
+            ("vpl: paths", self.vertices.size() + self.lengths.size()),
+            ("vpl: list", self.vpls.size() + self.header.size()),
+            ("vpl: emitters", self.emitters.size()),
+        ]
+    }
+}
+
+fn storage(device: &RenderDevice, label: &'static str, size: u64) -> Buffer {
+    device.create_buffer(&BufferDescriptor {
+        label: Some(label),
+        size,
+        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    })
+}
+
+fn emitter_bytes(chunks: u32) -> u64 {
+    u64::from(chunks) * u64::from(CHUNK_TRIANGLES) * u64::from(Emitter::min_size())
+}
+
+pub(super) fn prepare_vpls(
+    mut commands: Commands,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    settings: Res<GiWorldSettings>,
+    scene: Option<Res<SceneBuffers>>,
+    buffers: Option<ResMut<VplBuffers>>,
+) {
+    let (Some(settings), Some(scene)) = (settings.0, scene) else { return };
+    let limit = u64::from(device.limits().max_storage_buffer_binding_size);
+    let path_bytes = u64::from(settings.bounces + 1) * u64::from(Vpl::min_size());
+    let path_count = u64::from(settings.vpls * PATHS_PER_VPL).min(limit / path_bytes) as u32;
+    let parameters = VplParameters { capacity: settings.vpls, path_count, max_bounces: settings.bounces, padding: 0 };
+    let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
+    let prepare = |buffers: &mut VplBuffers| {
+        if buffers.emitters.size() < needed {
+            buffers.emitters = storage(&device, "bounce_emitters", needed.next_power_of_two().min(limit).max(needed));
+        }
+        if buffers.parameters.buffer().is_none() {
+            buffers.parameters.write_buffer(&device, &queue);
+        }
+    };
+    match buffers {
+        Some(mut buffers) if buffers.parameters() == parameters => prepare(&mut buffers),
+        _ => {
+            let mut buffers = VplBuffers::new(&device, parameters);
+            prepare(&mut buffers);
+            commands.insert_resource(buffers);
+        }
+    }
+}

@@ -1,0 +1,129 @@
+// From marked voxels to cells: a prefix sum gives every marked facing its cell, and once the sums are in they become means.
+//
+// Cost: reads each voxel three times, each cell once.
+
+#import bevy_bounce::shared::grid::{
+    Grid, Cell, voxel_count, voxel_facings, pack_bounds, CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, COUNTER_CELLS,
+    COUNTER_OVERFLOW, COUNTER_AREA,
+}
+#import bevy_bounce::shared::octahedral::encode_unit
+
+@group(0) @binding(0) var<uniform> grid: Grid;
+@group(0) @binding(1) var<storage, read_write> voxels: array<u32>;
+// One word a block: its marked facings, then the sum of the blocks before it.
+@group(0) @binding(2) var<storage, read_write> blocks: array<u32>;
+@group(0) @binding(3) var<storage, read_write> counters: array<atomic<u32>>;
+@group(0) @binding(4) var<storage, read> sums: array<i32>;
+@group(0) @binding(5) var<storage, read_write> cells: array<Cell>;
+
+const GROUP: u32 = 256u;
+const PER_THREAD: u32 = 4u;
+const BLOCK: u32 = 1024u;
+const MAX_WORKGROUPS: u32 = 65535u;
+
+var<workgroup> scratch: array<u32, 256>;
+
+// Sum of the values of lower lanes; `scratch[GROUP - 1]` then holds the sum of all. Hillis & Steele 1986.
+fn exclusive_scan(value: u32, lane: u32) -> u32 {
+    scratch[lane] = value;
+    workgroupBarrier();
+    for (var step = 1u; step < GROUP; step <<= 1u) {
+        let lower = select(0u, scratch[max(lane, step) - step], lane >= step);
+        workgroupBarrier();
+        scratch[lane] += lower;
+        workgroupBarrier();
+    }
+    return scratch[lane] - value;
+}
+
+fn marked(voxel: u32) -> u32 {
+    if voxel >= voxel_count(grid) {
+        return 0u;
+    }
+    return countOneBits(voxel_facings(voxels[voxel]));
+}
+
+@compute @workgroup_size(256)
+fn count_blocks(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let block = group.x + group.y * MAX_WORKGROUPS;
+    let first = block * BLOCK + lane * PER_THREAD;
+    let count = marked(first) + marked(first + 1u) + marked(first + 2u) + marked(first + 3u);
+    exclusive_scan(count, lane);
+    if lane == GROUP - 1u && block < arrayLength(&blocks) {
+        blocks[block] = scratch[lane];
+    }
+}
+
+@compute @workgroup_size(256)
+fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
+    let count = arrayLength(&blocks);
+    var before = 0u;
+    for (var base = 0u; base < count; base += GROUP) {
+        let block = base + lane;
+        var value = 0u;
+        if block < count {
+            value = blocks[block];
+        }
+        let sum = exclusive_scan(value, lane);
+        if block < count {
+            blocks[block] = before + sum;
+        }
+        before += scratch[GROUP - 1u];
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        atomicStore(&counters[COUNTER_CELLS], min(before, grid.cell_capacity));
+        atomicStore(&counters[COUNTER_OVERFLOW], before - min(before, grid.cell_capacity));
+        atomicStore(&counters[COUNTER_AREA], 0u);
+    }
+}
+
+@compute @workgroup_size(256)
+fn assign_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let block = group.x + group.y * MAX_WORKGROUPS;
+    let first = block * BLOCK + lane * PER_THREAD;
+    let count = marked(first) + marked(first + 1u) + marked(first + 2u) + marked(first + 3u);
+    let lower = exclusive_scan(count, lane);
+    if block >= arrayLength(&blocks) {
+        return;
+    }
+    var cell = blocks[block] + lower;
+    for (var i = 0u; i < PER_THREAD; i++) {
+        let voxel = first + i;
+        if voxel >= voxel_count(grid) {
+            return;
+        }
+        let facings = voxel_facings(voxels[voxel]);
+        let next = cell + countOneBits(facings);
+        // Without room the voxel counts as empty.
+        voxels[voxel] = select(0u, (facings << CELL_BITS) | cell, facings != 0u && next <= grid.cell_capacity);
+        cell = next;
+    }
+}
+
+@compute @workgroup_size(64)
+fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let cell = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    if cell >= atomicLoad(&counters[COUNTER_CELLS]) {
+        return;
+    }
+    let o = cell * SUM_WORDS;
+    let weight = sums[o];
+    var mean = Cell(0u, 0u, 0u, 0u);
+    if weight > 0 {
+        let inv = 1.0 / f32(weight);
+        let albedo = vec3<f32>(vec3<i32>(sums[o + 1u], sums[o + 2u], sums[o + 3u])) * inv;
+        let normal = normalize(vec3<f32>(vec3<i32>(sums[o + 4u], sums[o + 5u], sums[o + 6u])) + vec3<f32>(0.0, 1e-3, 0.0));
+        let position = vec3<f32>(vec3<i32>(sums[o + 7u], sums[o + 8u], sums[o + 9u])) * inv;
+        mean.albedo = pack4x8unorm(vec4<f32>(albedo, 1.0));
+        mean.normal = encode_unit(normal);
+        let area = f32(weight) / AREA_ONE;
+        // The smallest half float above 0 stands for what is only touched.
+        mean.plane_area = pack2x16float(vec2<f32>(dot(position, normal), clamp(area, 1e-4, 6e4)));
+        let low = 1.0 - vec3<f32>(vec3<i32>(sums[o + 10u], sums[o + 11u], sums[o + 12u])) / BOUND_ONE;
+        let high = vec3<f32>(vec3<i32>(sums[o + 13u], sums[o + 14u], sums[o + 15u])) / BOUND_ONE;
+        mean.bounds = pack_bounds(low, high);
+        atomicAdd(&counters[COUNTER_AREA], u32(round(area * 256.0)));
+    }
+    cells[cell] = mean;
+}

@@ -1,0 +1,100 @@
+// The voxel grid: where it lies and what its words mean.
+//
+// A voxel is one word: first cell (22 bits), which of the six facings have a cell (6 bits), and the Chebyshev distance
+// to the nearest voxel that has any (4 bits, at most 15, 0 where it has one itself). Cells of a voxel follow each other in
+// the order of their facings, so a facing's cell is the first cell plus the number of lower facings.
+
+#define_import_path bevy_bounce::shared::grid
+
+struct Grid {
+    origin: vec3<f32>,
+    voxel_size: f32,
+    dims: vec3<u32>,
+    cell_capacity: u32,
+}
+
+struct Cell {
+    albedo: u32,
+    normal: u32,
+    plane_area: u32,
+    bounds: u32,
+}
+
+const CELL_BITS: u32 = 22u;
+const CELL_MASK: u32 = 0x3fffffu;
+const FACING_MASK: u32 = 0x3fu;
+const DISTANCE_SHIFT: u32 = 28u;
+const MAX_DISTANCE: u32 = 15u;
+
+/// Fixed point: one voxel face of area.
+const AREA_ONE: f32 = 65536.0;
+/// Words of a cell's sums: area, albedo, normal, position from the voxel's centre, each times area; then the bounds of the
+/// surfaces as maxima, of 0.5 + position and of 0.5 - position, so that zero is empty.
+const SUM_WORDS: u32 = 16u;
+/// Fixed point: a voxel's edge in the bounds.
+const BOUND_ONE: f32 = 65536.0;
+/// Steps of a bound in a cell.
+const BOUND_STEPS: f32 = 31.0;
+
+/// Words of the counters: cells in use, cells there was no room for, area in 1/256 voxel faces.
+const COUNTER_CELLS: u32 = 0u;
+const COUNTER_OVERFLOW: u32 = 1u;
+const COUNTER_AREA: u32 = 2u;
+
+fn voxel_index(grid: Grid, voxel: vec3<i32>) -> u32 {
+    let v = vec3<u32>(voxel);
+    return (v.z * grid.dims.y + v.y) * grid.dims.x + v.x;
+}
+
+fn voxel_count(grid: Grid) -> u32 {
+    return grid.dims.x * grid.dims.y * grid.dims.z;
+}
+
+fn voxel_facings(word: u32) -> u32 {
+    return (word >> CELL_BITS) & FACING_MASK;
+}
+
+fn voxel_distance(word: u32) -> u32 {
+    return word >> DISTANCE_SHIFT;
+}
+
+fn cell_index(word: u32, facing: u32) -> u32 {
+    return (word & CELL_MASK) + countOneBits(voxel_facings(word) & ((1u << facing) - 1u));
+}
+
+/// Facing of a normal: +x, -x, +y, -y, +z, -z by its longest component.
+fn facing_of(normal: vec3<f32>) -> u32 {
+    let a = abs(normal);
+    if a.x >= a.y && a.x >= a.z {
+        return select(0u, 1u, normal.x < 0.0);
+    }
+    if a.y >= a.z {
+        return select(2u, 3u, normal.y < 0.0);
+    }
+    return select(4u, 5u, normal.z < 0.0);
+}
+
+/// Bounds in voxels from the voxel's lowest corner, rounded outwards: 5 bits each, low then high.
+fn pack_bounds(low: vec3<f32>, high: vec3<f32>) -> u32 {
+    let l = vec3<u32>(clamp(floor(low * BOUND_STEPS), vec3<f32>(0.0), vec3<f32>(BOUND_STEPS)));
+    let h = vec3<u32>(clamp(ceil(high * BOUND_STEPS), vec3<f32>(0.0), vec3<f32>(BOUND_STEPS)));
+    return l.x | (l.y << 5u) | (l.z << 10u) | (h.x << 15u) | (h.y << 20u) | (h.z << 25u);
+}
+
+fn bounds_low(bounds: u32) -> vec3<f32> {
+    return vec3<f32>(vec3<u32>(bounds, bounds >> 5u, bounds >> 10u) & vec3<u32>(31u)) / BOUND_STEPS;
+}
+
+fn bounds_high(bounds: u32) -> vec3<f32> {
+    return vec3<f32>(vec3<u32>(bounds >> 15u, bounds >> 20u, bounds >> 25u) & vec3<u32>(31u)) / BOUND_STEPS;
+}
+
+/// Signed distance of the mean plane from the voxel's centre along the normal, in voxels.
+fn cell_plane(cell: Cell) -> f32 {
+    return unpack2x16float(cell.plane_area).x;
+}
+
+/// Surface area, voxel faces; 0 for a cell that nothing is in.
+fn cell_area(cell: Cell) -> f32 {
+    return unpack2x16float(cell.plane_area).y;
+}

@@ -1,0 +1,126 @@
+// Triangles of the scene as they stand in the world this frame.
+
+#define_import_path bevy_bounce::shared::triangles
+
+#import bevy_bounce::shared::scene::{
+    Instance, Material, NONE, INSTANCE_TWO_SIDED, INSTANCE_FLIPPED, VERTEX_WORDS, DEFORMED_WORDS,
+    material_uv, thumbnail_texel,
+}
+
+@group(0) @binding(0) var<storage, read> geometry: array<u32>;
+@group(0) @binding(1) var<storage, read> instances: array<Instance>;
+@group(0) @binding(2) var<storage, read> materials: array<Material>;
+@group(0) @binding(3) var<storage, read> thumbnails: array<u32>;
+
+struct Triangle {
+    // World space, or what the caller has made of it.
+    a: vec3<f32>,
+    b: vec3<f32>,
+    c: vec3<f32>,
+    // Unit length, towards the side that is seen.
+    normal: vec3<f32>,
+    uv_a: vec2<f32>,
+    uv_b: vec2<f32>,
+    uv_c: vec2<f32>,
+    two_sided: bool,
+    material: u32,
+    albedo_override: u32,
+    valid: bool,
+}
+
+fn vertex_position(instance: Instance, vertex: u32) -> vec3<f32> {
+    if instance.deformed_offset != NONE {
+        let o = instance.deformed_offset + vertex * DEFORMED_WORDS;
+        return vec3<f32>(bitcast<f32>(geometry[o]), bitcast<f32>(geometry[o + 1u]), bitcast<f32>(geometry[o + 2u]));
+    }
+    let o = instance.vertex_offset + vertex * VERTEX_WORDS;
+    let p = vec4<f32>(bitcast<f32>(geometry[o]), bitcast<f32>(geometry[o + 1u]), bitcast<f32>(geometry[o + 2u]), 1.0);
+    return vec3<f32>(
+        dot(instance.world_from_local_x, p),
+        dot(instance.world_from_local_y, p),
+        dot(instance.world_from_local_z, p),
+    );
+}
+
+fn vertex_uv(instance: Instance, vertex: u32) -> vec2<f32> {
+    return unpack2x16float(geometry[instance.vertex_offset + vertex * VERTEX_WORDS + 3u]);
+}
+
+/// The triangle in a space whose origin and unit are given, in world units. Not valid where it has no area or is not finite.
+fn load_triangle(instance_index: u32, triangle: u32, origin: vec3<f32>, unit: f32) -> Triangle {
+    var t: Triangle;
+    let instance = instances[instance_index];
+    t.valid = false;
+    if triangle >= instance.triangle_count {
+        return t;
+    }
+    let i = instance.index_offset + triangle * 3u;
+    let index = vec3<u32>(geometry[i], geometry[i + 1u], geometry[i + 2u]);
+    let scale = 1.0 / unit;
+    t.a = (vertex_position(instance, index.x) - origin) * scale;
+    t.b = (vertex_position(instance, index.y) - origin) * scale;
+    t.c = (vertex_position(instance, index.z) - origin) * scale;
+    let n = cross(t.b - t.a, t.c - t.a);
+    let length_squared = dot(n, n);
+    // Also false for NaN.
+    t.valid = length_squared > 1e-30 && length_squared < 1e30;
+    let side = select(1.0, -1.0, (instance.flags & INSTANCE_FLIPPED) != 0u);
+    t.normal = n * (side * inverseSqrt(max(length_squared, 1e-30)));
+    t.uv_a = vertex_uv(instance, index.x);
+    t.uv_b = vertex_uv(instance, index.y);
+    t.uv_c = vertex_uv(instance, index.z);
+    t.two_sided = (instance.flags & INSTANCE_TWO_SIDED) != 0u;
+    t.material = instance.material;
+    t.albedo_override = instance.albedo_override;
+    return t;
+}
+
+// UV of a point of the triangle's plane.
+fn triangle_uv(t: Triangle, p: vec3<f32>) -> vec2<f32> {
+    let e1 = t.b - t.a;
+    let e2 = t.c - t.a;
+    let d = p - t.a;
+    let d11 = dot(e1, e1);
+    let d12 = dot(e1, e2);
+    let d22 = dot(e2, e2);
+    let p1 = dot(d, e1);
+    let p2 = dot(d, e2);
+    let inv = 1.0 / max(d11 * d22 - d12 * d12, 1e-30);
+    let v = (d22 * p1 - d12 * p2) * inv;
+    let w = (d11 * p2 - d12 * p1) * inv;
+    return t.uv_a + v * (t.uv_b - t.uv_a) + w * (t.uv_c - t.uv_a);
+}
+
+// Colour (linear) and alpha of a thumbnail at a UV.
+fn thumbnail_color(material: Material, thumbnail: u32, uv: vec2<f32>) -> vec4<f32> {
+    let stored = unpack4x8unorm(thumbnails[thumbnail + thumbnail_texel(material_uv(material, uv))]);
+    return vec4<f32>(stored.rgb * stored.rgb, stored.a);
+}
+
+/// Linear albedo and alpha of the surface at a point of it.
+fn surface_albedo(t: Triangle, p: vec3<f32>) -> vec4<f32> {
+    let material = materials[t.material];
+    var albedo = material.albedo;
+    if material.albedo_thumbnail != NONE {
+        albedo *= thumbnail_color(material, material.albedo_thumbnail, triangle_uv(t, p));
+    }
+    if t.albedo_override != 0u {
+        albedo = vec4<f32>(unpack4x8unorm(t.albedo_override).rgb, 1.0);
+    }
+    return clamp(albedo, vec4<f32>(0.0), vec4<f32>(1.0));
+}
+
+/// Radiance that the surface emits at a point of it, cd/m^2.
+fn surface_emission(t: Triangle, p: vec3<f32>) -> vec3<f32> {
+    let material = materials[t.material];
+    var emission = material.emissive;
+    if material.emissive_thumbnail != NONE {
+        emission *= thumbnail_color(material, material.emissive_thumbnail, triangle_uv(t, p)).rgb;
+    }
+    return emission;
+}
+
+/// A masked surface is there where its mean alpha reaches half of what the mask asks.
+fn is_masked_out(t: Triangle, alpha: f32) -> bool {
+    return alpha < materials[t.material].alpha_cutoff * 0.5;
+}

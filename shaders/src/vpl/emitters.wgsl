@@ -1,0 +1,70 @@
+// Emissive triangles as area lights: where they are, what they emit, and the running sum of their power, so that paths start
+// on them in proportion.
+//
+// Cost: one thread a triangle of the emissive meshes, then one workgroup over all of them.
+
+#import bevy_bounce::shared::scene::{Chunk, Scene, CHUNK_TRIANGLES}
+#import bevy_bounce::shared::triangles::{load_triangle, surface_emission}
+#import bevy_bounce::vpl::types::{Emitter, VplParameters, luminance}
+#import bevy_bounce::shared::sampling::PI
+
+@group(0) @binding(4) var<storage, read> emissive_chunks: array<Chunk>;
+@group(0) @binding(5) var<storage, read_write> emitters: array<Emitter>;
+@group(0) @binding(6) var<uniform> scene: Scene;
+
+const MAX_WORKGROUPS: u32 = 65535u;
+const GROUP: u32 = 256u;
+
+var<workgroup> scratch: array<f32, 256>;
+
+@compute @workgroup_size(64)
+fn collect(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = group.x + group.y * MAX_WORKGROUPS;
+    if index >= scene.emissive_chunk_count {
+        return;
+    }
+    let chunk = emissive_chunks[index];
+    let t = load_triangle(chunk.instance, chunk.first_triangle + lane, vec3<f32>(0.0), 1.0);
+    var emitter: Emitter;
+    if t.valid {
+        let sides = select(1.0, 2.0, t.two_sided);
+        let area = 0.5 * length(cross(t.b - t.a, t.c - t.a));
+        let mean = (surface_emission(t, mix(t.a, (t.b + t.c) * 0.5, 0.33))
+            + surface_emission(t, mix(t.b, (t.a + t.c) * 0.5, 0.33))
+            + surface_emission(t, mix(t.c, (t.a + t.b) * 0.5, 0.33))) / 3.0;
+        emitter.position = t.a;
+        emitter.edge_b = t.b - t.a;
+        emitter.edge_c = t.c - t.a;
+        emitter.normal = t.normal;
+        emitter.two_sided = select(0u, 1u, t.two_sided);
+        emitter.flux = mean * (PI * area * sides);
+        emitter.cumulative_power = luminance(emitter.flux);
+    }
+    emitters[index * CHUNK_TRIANGLES + lane] = emitter;
+}
+
+@compute @workgroup_size(256)
+fn accumulate(@builtin(local_invocation_index) lane: u32) {
+    let count = scene.emissive_chunk_count * CHUNK_TRIANGLES;
+    var before = 0.0;
+    for (var base = 0u; base < count; base += GROUP) {
+        let index = base + lane;
+        var value = 0.0;
+        if index < count {
+            value = emitters[index].cumulative_power;
+        }
+        scratch[lane] = value;
+        workgroupBarrier();
+        for (var step = 1u; step < GROUP; step <<= 1u) {
+            let lower = select(0.0, scratch[max(lane, step) - step], lane >= step);
+            workgroupBarrier();
+            scratch[lane] += lower;
+            workgroupBarrier();
+        }
+        if index < count {
+            emitters[index].cumulative_power = before + scratch[lane];
+        }
+        before += scratch[GROUP - 1u];
+        workgroupBarrier();
+    }
+}

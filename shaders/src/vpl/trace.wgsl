@@ -1,0 +1,233 @@
+// Paths from the lights through the voxel grid; every surface they are reflected by becomes a virtual point light.
+// Keller 1997, Bashford-Rogers et al. 2012, III-B.
+//
+// A path starts at a light chosen in proportion to its power, and is reflected with the probability of the surface's albedo
+// (the largest of red, green and blue), so that all virtual lights carry about the same flux. Paths follow one sequence,
+// the same every frame.
+//
+// Cost: one thread a path; a ray of about ten steps a bounce.
+
+#import bevy_bounce::shared::grid::Cell
+#import bevy_bounce::shared::octahedral::decode_unit
+#import bevy_bounce::shared::rays::{grid, cells, trace, to_grid, to_world, Ray, Hit}
+#import bevy_bounce::shared::sampling::{
+    sample_square, cosine_direction, cone_direction, disk_point, triangle_point, any_tangent, PI,
+}
+#import bevy_bounce::shared::scene::{Light, Scene, LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, CHUNK_TRIANGLES}
+#import bevy_bounce::vpl::types::{Vpl, Emitter, VplParameters, luminance}
+
+@group(0) @binding(0) var<uniform> parameters: VplParameters;
+@group(0) @binding(1) var<uniform> scene: Scene;
+@group(0) @binding(2) var<storage, read> lights: array<Light>;
+@group(0) @binding(3) var<storage, read> emitters: array<Emitter>;
+// Path by path, `max_bounces` + 1 slots each.
+@group(0) @binding(4) var<storage, read_write> vertices: array<Vpl>;
+// Vertices of each path, in the low half; whether the first is on an emissive surface in the high half.
+@group(0) @binding(5) var<storage, read_write> lengths: array<u32>;
+
+// Dimensions of the sequence.
+const DIMENSION_LIGHT: u32 = 0u;
+const DIMENSION_POSITION: u32 = 1u;
+const DIMENSION_DIRECTION: u32 = 2u;
+const DIMENSION_BOUNCE: u32 = 8u;
+
+// Light on its way.
+struct Photon {
+    position: vec3<f32>,
+    // Of the surface it leaves; zero in the air.
+    normal: vec3<f32>,
+    direction: vec3<f32>,
+    // Lumens.
+    flux: vec3<f32>,
+    // Inverse square of the distance at which the light ends, 1/m^2; 0 for none.
+    inverse_square_range: f32,
+    max_bounces: u32,
+    on_surface: bool,
+}
+
+fn emissive_power() -> f32 {
+    if scene.emissive_chunk_count == 0u {
+        return 0.0;
+    }
+    return emitters[scene.emissive_chunk_count * CHUNK_TRIANGLES - 1u].cumulative_power;
+}
+
+// The first light whose running sum lies beyond `power`.
+fn find_light(power: f32) -> u32 {
+    var low = 0u;
+    var high = scene.light_count - 1u;
+    while low < high {
+        let middle = (low + high) / 2u;
+        if lights[middle].cumulative_power > power {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
+    }
+    return low;
+}
+
+fn find_emitter(power: f32) -> u32 {
+    var low = 0u;
+    var high = scene.emissive_chunk_count * CHUNK_TRIANGLES - 1u;
+    while low < high {
+        let middle = (low + high) / 2u;
+        if emitters[middle].cumulative_power > power {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
+    }
+    return low;
+}
+
+fn start_at_light(index: u32, path: u32, total: f32) -> Photon {
+    let light = lights[index];
+    var before = 0.0;
+    if index > 0u {
+        before = lights[index - 1u].cumulative_power;
+    }
+    let weight = total / max(light.cumulative_power - before, 1e-30);
+    let square = sample_square(path, DIMENSION_DIRECTION);
+    var photon: Photon;
+    photon.position = light.position;
+    photon.normal = vec3<f32>(0.0);
+    photon.max_bounces = light.max_bounces;
+    photon.on_surface = false;
+    if light.range > 0.0 {
+        photon.inverse_square_range = 1.0 / (light.range * light.range);
+    }
+    switch light.kind {
+        case LIGHT_SPOT: {
+            photon.direction = cone_direction(light.direction, square, light.spot_cos_outer);
+            let cone = clamp(dot(photon.direction, light.direction) * light.spot_scale + light.spot_offset, 0.0, 1.0);
+            photon.flux = light.color * (2.0 * PI * (1.0 - light.spot_cos_outer) * cone * cone * weight);
+        }
+        case LIGHT_DIRECTIONAL: {
+            start_directional(&photon, light, path, weight);
+        }
+        default: {
+            photon.direction = cone_direction(vec3<f32>(0.0, 0.0, 1.0), square, -1.0);
+            photon.flux = light.color * (4.0 * PI * weight);
+        }
+    }
+    return photon;
+}
+
+// From the shadow of the scene's bounds on a plane before them: one of the three faces turned to the light, in proportion
+// to its projected area.
+fn start_directional(photon: ptr<function, Photon>, light: Light, path: u32, weight: f32) {
+    let size = scene.bounds_max - scene.bounds_min;
+    let areas = size.yzx * size.zxy * abs(light.direction);
+    let total = areas.x + areas.y + areas.z;
+    let square = sample_square(path, DIMENSION_POSITION);
+    var pick = square.x * total;
+    var axis = 2u;
+    if pick < areas.x {
+        axis = 0u;
+    } else if pick < areas.x + areas.y {
+        axis = 1u;
+        pick -= areas.x;
+    } else {
+        pick -= areas.x + areas.y;
+    }
+    var point = vec3<f32>(0.0);
+    point[axis] = select(0.0, 1.0, light.direction[axis] < 0.0);
+    point[(axis + 1u) % 3u] = clamp(pick / max(areas[axis], 1e-30), 0.0, 1.0);
+    point[(axis + 2u) % 3u] = square.y;
+    (*photon).position = scene.bounds_min + point * size - light.direction * grid.voxel_size;
+    (*photon).direction = light.direction;
+    (*photon).flux = light.color * (total * weight);
+}
+
+fn start_at_emitter(index: u32, path: u32, total: f32) -> Photon {
+    let emitter = emitters[index];
+    var before = 0.0;
+    if index > 0u {
+        before = emitters[index - 1u].cumulative_power;
+    }
+    let weight = total / max(emitter.cumulative_power - before, 1e-30);
+    let where_on = triangle_point(sample_square(path, DIMENSION_POSITION));
+    let side = sample_square(path, DIMENSION_LIGHT).y;
+    var photon: Photon;
+    photon.position = emitter.position + emitter.edge_b * where_on.x + emitter.edge_c * where_on.y;
+    photon.normal = emitter.normal * select(1.0, -1.0, emitter.two_sided != 0u && side < 0.5);
+    photon.direction = cosine_direction(photon.normal, sample_square(path, DIMENSION_DIRECTION));
+    photon.flux = emitter.flux * weight;
+    photon.max_bounces = 0xffffffffu;
+    photon.on_surface = true;
+    return photon;
+}
+
+// Bevy's window: 1 near the light, 0 at its range. Karis 2013, "Real Shading in Unreal Engine 4".
+fn range_window(inverse_square_range: f32, distance: f32) -> f32 {
+    let f = distance * distance * inverse_square_range;
+    let window = clamp(1.0 - f * f, 0.0, 1.0);
+    return window * window;
+}
+
+fn store(path: u32, slot: u32, position: vec3<f32>, normal: vec3<f32>, bounce: u32, flux: vec3<f32>) {
+    vertices[path * (parameters.max_bounces + 1u) + slot] = Vpl(position, bounce, normal, path, flux, 0u);
+}
+
+fn follow(path: u32, start: Photon) -> u32 {
+    var photon = start;
+    var count = 0u;
+    if photon.on_surface {
+        store(path, 0u, photon.position, photon.normal, 0u, photon.flux);
+        count = 1u;
+    }
+    let bounces = min(parameters.max_bounces, photon.max_bounces);
+    for (var bounce = 1u; bounce <= bounces; bounce++) {
+        var ray: Ray;
+        ray.origin = to_grid(photon.position);
+        ray.direction = photon.direction;
+        ray.length = 1e6;
+        ray.start_normal = photon.normal;
+        ray.end_normal = vec3<f32>(0.0);
+        let hit = trace(ray);
+        if !hit.found {
+            break;
+        }
+        let cell = cells[hit.cell];
+        let albedo = unpack4x8unorm(cell.albedo).rgb;
+        let survival = max(albedo.r, max(albedo.g, albedo.b));
+        let square = sample_square(path, DIMENSION_BOUNCE + 2u * bounce);
+        if square.x >= survival {
+            break;
+        }
+        if bounce == 1u {
+            photon.flux *= range_window(photon.inverse_square_range, hit.t * grid.voxel_size);
+        }
+        photon.flux *= albedo / survival;
+        photon.position = to_world(ray.origin + ray.direction * hit.t);
+        photon.normal = decode_unit(cell.normal);
+        store(path, count, photon.position, photon.normal, bounce, photon.flux);
+        count++;
+        photon.direction = cosine_direction(photon.normal, sample_square(path, DIMENSION_BOUNCE + 2u * bounce + 1u));
+    }
+    return count;
+}
+
+@compute @workgroup_size(64)
+fn trace_paths(@builtin(global_invocation_id) id: vec3<u32>) {
+    let path = id.x;
+    if path >= parameters.path_count {
+        return;
+    }
+    let emissive = emissive_power();
+    let total = scene.light_power + emissive;
+    if total <= 0.0 {
+        lengths[path] = 0u;
+        return;
+    }
+    let pick = sample_square(path, DIMENSION_LIGHT).x * total;
+    var photon: Photon;
+    if scene.light_count > 0u && pick < scene.light_power {
+        photon = start_at_light(find_light(pick), path, total);
+    } else {
+        photon = start_at_emitter(find_emitter(pick - scene.light_power), path, total);
+    }
+    let count = follow(path, photon);
+    lengths[path] = count | select(0u, 0x10000u, photon.on_surface);
+}

@@ -1,0 +1,50 @@
+// What the tracer hands on.
+
+#define_import_path bevy_bounce::vpl::types
+
+struct Vpl {
+    position: vec3<f32>,
+    bounce: u32,
+    normal: vec3<f32>,
+    path: u32,
+    flux: vec3<f32>,
+    padding: u32,
+}
+
+struct Emitter {
+    position: vec3<f32>,
+    two_sided: u32,
+    edge_b: vec3<f32>,
+    cumulative_power: f32,
+    edge_c: vec3<f32>,
+    padding_a: u32,
+    normal: vec3<f32>,
+    padding_b: u32,
+    flux: vec3<f32>,
+    padding_c: u32,
+}
+
+struct VplParameters {
+    capacity: u32,
+    path_count: u32,
+    max_bounces: u32,
+    padding: u32,
+}
+
+struct VplHeader {
+    // First light of each subset, and the end of the last.
+    subset_start: array<u32, 17>,
+    // Paths that the list holds whole.
+    path_count: u32,
+    // Largest geometry term, 1/m^2.
+    geometry_bound: f32,
+    // Lights in the list.
+    count: u32,
+}
+
+/// Subsets of the lights: a pixel of each 4x4 block is lit by one of them.
+const SUBSETS: u32 = 16u;
+
+fn luminance(color: vec3<f32>) -> f32 {
+    return dot(color, vec3<f32>(0.2126, 0.7152, 0.0722));
+}
