@@ -29,6 +29,11 @@ macro_rules! shaders {
 
 shaders! {
     "shared/octahedral.wgsl" => [],
+    "shared/view.wgsl" => [],
+    "compose/surface.wgsl" => ["pack"],
+    "compose/gbuffer.wgsl" => [],
+    "compose/direct.wgsl" => [],
+    "compose/compose.wgsl" => [],
 }
 
 /// The shader of that path.
