@@ -7,8 +7,8 @@ use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy::render::render_resource::{
     BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, BindingResource, Buffer,
-    CachedComputePipelineId, CommandEncoder, ComputePassDescriptor, ComputePipelineDescriptor, PipelineCache,
-    ShaderStages,
+    CachedComputePipelineId, CachedPipelineState, CommandEncoder, ComputePassDescriptor, ComputePipelineDescriptor,
+    PipelineCache, ShaderStages,
 };
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::{Shader, ShaderDefVal};
@@ -88,6 +88,11 @@ impl Kernel {
     /// Whether the pipeline is compiled.
     pub fn is_ready(&self, cache: &PipelineCache) -> bool {
         cache.get_compute_pipeline(self.pipeline).is_some()
+    }
+
+    /// Whether the pipeline cannot be compiled.
+    pub fn has_failed(&self, cache: &PipelineCache) -> bool {
+        matches!(cache.get_compute_pipeline_state(self.pipeline), CachedPipelineState::Err(_))
     }
 
     /// Group 0, bindings in order.

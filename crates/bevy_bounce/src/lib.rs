@@ -16,12 +16,14 @@
 //! otherwise ([`VoxelizedMesh`], [`GiLight`]).
 
 mod avg;
+mod camera;
 mod compose;
 mod compute;
 mod interleaved;
 mod plugins;
 mod scene;
 mod settings;
+mod view;
 mod vpl;
 
 pub use avg::AvgPlugin;

@@ -1,11 +1,38 @@
-//! Into the picture.
+//! Into the picture: direct light, bounced light, emission and fog.
+//!
+//! On cameras with [`GlobalIllumination`](crate::GlobalIllumination) this replaces Bevy's deferred lighting:
+//!
+//! 1. `surface` packs depth and normal of Bevy's G-buffer for the passes of a view.
+//! 2. `direct` lights with Bevy's own functions, and keeps the diffuse part aside.
+//! 3. Bounced light is shaded.
+//! 4. `compose` adds up: direct + indirect * diffuse colour * occlusion + emission, then fog, before screen-space
+//!    reflections and everything drawn forward.
+//!
+//! Ambient light and irradiance volumes are left out, for they stand for the bounced light that is computed here;
+//! lightmaps, which Bevy's G-buffer carries as emission, stay. Emission shows as in Bevy's deferred path, without exposure.
+//! While the pipelines are compiled, and should they fail, Bevy's lighting runs.
 
+mod extract;
+mod passes;
+mod pipelines;
+
+use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
+use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
+use bevy::pbr::deferred::{deferred_lighting, prepare_deferred_lighting_pipelines};
+use bevy::pbr::{MeshPipelineSystems, screen_space_reflections};
 use bevy::prelude::*;
 use bevy::render::extract_component::ExtractComponent;
+use bevy::render::render_resource::SpecializedRenderPipelines;
+use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
+
+use crate::compute::load_shaders;
+use crate::plugins::configure_stages;
+use crate::view::prepare_view_textures;
+use crate::{GiSystems, camera};
 
 /// What the picture of this camera holds; for looking at one term alone.
-#[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[reflect(Component, Default, Debug, Clone, PartialEq, Hash)]
 pub enum GiIsolate {
     /// Everything.
     #[default]
@@ -16,9 +43,65 @@ pub enum GiIsolate {
     Indirect,
 }
 
+/// Passes of a view, in order, within [`Core3dSystems::MainPass`].
+#[derive(SystemSet, Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(crate) enum ViewPass {
+    /// Depth and normal are packed, `indirect` is cleared.
+    Surface,
+    /// Direct light.
+    Direct,
+    /// Bounced light into `indirect`.
+    Shade,
+    /// Into the picture.
+    Compose,
+}
+
 /// Replaces Bevy's deferred lighting on cameras with [`GlobalIllumination`](crate::GlobalIllumination).
 pub struct GiComposePlugin;
 
 impl Plugin for GiComposePlugin {
-    fn build(&self, _app: &mut App) {}
+    fn build(&self, app: &mut App) {
+        app.register_type::<GiIsolate>();
+    }
+
+    fn finish(&self, app: &mut App) {
+        camera::finish(app);
+        if !camera::device_is_adequate(app) {
+            return;
+        }
+        load_shaders(app);
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        configure_stages(render_app);
+        render_app
+            .init_gpu_resource::<SpecializedRenderPipelines<pipelines::ComposePipelines>>()
+            .add_systems(RenderStartup, pipelines::init_compose_pipelines.after(MeshPipelineSystems))
+            .add_systems(ExtractSchedule, extract::extract_views)
+            .add_systems(
+                Render,
+                (
+                    pipelines::prepare_compose_pipelines
+                        .in_set(RenderSystems::Prepare)
+                        .before(prepare_deferred_lighting_pipelines),
+                    prepare_view_textures.in_set(GiSystems::Prepare),
+                ),
+            )
+            .configure_sets(
+                Core3d,
+                (ViewPass::Surface, ViewPass::Direct, ViewPass::Shade, ViewPass::Compose)
+                    .chain()
+                    .in_set(Core3dSystems::MainPass)
+                    .after(deferred_lighting)
+                    .before(screen_space_reflections)
+                    .before(main_opaque_pass_3d),
+            )
+            .add_systems(
+                Core3d,
+                (
+                    passes::surface_pass.in_set(ViewPass::Surface),
+                    passes::direct_pass.in_set(ViewPass::Direct),
+                    passes::compose_pass.in_set(ViewPass::Compose),
+                    passes::isolate_pass.after(Core3dSystems::MainPass).before(Core3dSystems::EarlyPostProcess),
+                ),
+            );
+    }
 }

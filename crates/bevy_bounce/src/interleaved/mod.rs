@@ -18,7 +18,7 @@ use bevy::render::{RenderApp, RenderStartup};
 
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
-use crate::view::ViewPass;
+use crate::compose::ViewPass;
 
 /// Lights pixels by virtual lights; see the [module](self).
 pub struct InterleavedShadingPlugin;

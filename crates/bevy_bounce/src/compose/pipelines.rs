@@ -1,0 +1,255 @@
+//! Pipelines of the passes, specialised for a view as Bevy specialises its deferred lighting.
+
+use bevy::core_pipeline::FullscreenShader;
+use bevy::core_pipeline::deferred::DEFERRED_LIGHTING_PASS_ID_DEPTH_FORMAT;
+use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
+use bevy::pbr::deferred::{DeferredLightingPipeline, PbrDeferredLightingDepthId, SkipDeferredLighting};
+use bevy::pbr::{MeshPipeline, MeshPipelineKey, MeshPipelineViewLayout, MeshPipelineViewLayoutKey, ViewKeyCache};
+use bevy::prelude::*;
+use bevy::render::render_resource::binding_types::{
+    texture_2d, texture_2d_array, texture_depth_2d, texture_storage_2d, uniform_buffer,
+};
+use bevy::render::render_resource::{
+    BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedPipelineState, CachedRenderPipelineId, ColorTargetState,
+    ColorWrites, CompareFunction, DepthBiasState, DepthStencilState, FragmentState, PipelineCache,
+    RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, SpecializedRenderPipelines, StencilState,
+    StorageTextureAccess, TextureFormat, TextureSampleType, VertexState,
+};
+use bevy::render::view::{ExtractedView, ViewUniform};
+use bevy::shader::{Shader, ShaderDefVal};
+
+use crate::GiIsolate;
+use crate::compute::{GiShaders, Kernel, KernelDescriptor};
+use crate::view::GiView;
+
+/// Bindings of Bevy's view layout that are there only with the Cargo feature of that name; Bevy tells it no other way.
+const PCSS_BINDING: u32 = 4;
+const DFG_LUT_BINDING: u32 = 37;
+
+/// Layouts and shaders of the passes.
+#[derive(Resource)]
+pub(super) struct ComposePipelines {
+    /// Packs the G-buffer.
+    pub surface: Kernel,
+    /// Group 2 of the direct pass.
+    pub direct_layout: BindGroupLayoutDescriptor,
+    /// Group 2 of the composing passes.
+    pub compose_layout: BindGroupLayoutDescriptor,
+    mesh_pipeline: MeshPipeline,
+    fullscreen: FullscreenShader,
+    direct_shader: Handle<Shader>,
+    compose_shader: Handle<Shader>,
+}
+
+/// A fragment pass over the view.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(super) enum Pass {
+    /// Direct light.
+    Direct,
+    /// Into the picture, with bounced light or without.
+    Compose {
+        /// With bounced light.
+        indirect: bool,
+    },
+    /// Bounced light over the finished picture.
+    Isolate,
+}
+
+/// The pipelines of a view; there once they are compiled.
+#[derive(Component)]
+pub(super) struct ViewPipelines {
+    /// Direct light.
+    pub direct: CachedRenderPipelineId,
+    /// Into the picture.
+    pub compose: CachedRenderPipelineId,
+    /// Bounced light over the finished picture, where that is asked for.
+    pub isolate: Option<CachedRenderPipelineId>,
+}
+
+pub(super) fn init_compose_pipelines(
+    mut commands: Commands,
+    cache: Res<PipelineCache>,
+    shaders: Res<GiShaders>,
+    mesh_pipeline: Res<MeshPipeline>,
+    fullscreen: Res<FullscreenShader>,
+) {
+    let surface = Kernel::new(
+        &cache,
+        &shaders,
+        KernelDescriptor {
+            path: "compose/surface.wgsl",
+            entry: "pack",
+            bindings: &[
+                uniform_buffer::<ViewUniform>(false),
+                texture_depth_2d(),
+                texture_2d(TextureSampleType::Uint),
+                texture_2d(TextureSampleType::Uint),
+                uniform_buffer::<PbrDeferredLightingDepthId>(false),
+                texture_storage_2d(TextureFormat::Rg32Uint, StorageTextureAccess::WriteOnly),
+            ],
+            groups: &[],
+            defs: vec![],
+        },
+    );
+    let direct_layout = BindGroupLayoutDescriptor::new(
+        "bounce_direct_layout",
+        &BindGroupLayoutEntries::single(ShaderStages::FRAGMENT, texture_2d(TextureSampleType::Uint)),
+    );
+    let compose_layout = BindGroupLayoutDescriptor::new(
+        "bounce_compose_layout",
+        &BindGroupLayoutEntries::sequential(
+            ShaderStages::VERTEX_FRAGMENT,
+            (
+                uniform_buffer::<PbrDeferredLightingDepthId>(false).visibility(ShaderStages::VERTEX),
+                texture_2d_array(TextureSampleType::Float { filterable: false }).visibility(ShaderStages::FRAGMENT),
+            ),
+        ),
+    );
+    commands.insert_resource(ComposePipelines {
+        surface,
+        direct_layout,
+        compose_layout,
+        mesh_pipeline: mesh_pipeline.clone(),
+        fullscreen: fullscreen.clone(),
+        direct_shader: shaders.get("compose/direct.wgsl"),
+        compose_shader: shaders.get("compose/compose.wgsl"),
+    });
+}
+
+impl ComposePipelines {
+    /// What `DeferredLightingLayout::specialize` of bevy_pbr/src/deferred/mod.rs defines, less `IRRADIANCE_VOLUME`, whose
+    /// light ours replaces, and tonemapping, for we draw HDR alone.
+    fn shader_defs(&self, key: MeshPipelineKey, layout: &MeshPipelineViewLayout) -> Vec<ShaderDefVal> {
+        let layout_key = MeshPipelineViewLayoutKey::from(key);
+        let binds = |binding| layout.main_layout.entries.iter().any(|entry| entry.binding == binding);
+        let shadow_filter = key.intersection(MeshPipelineKey::SHADOW_FILTER_METHOD_RESERVED_BITS);
+        [
+            ("DEFERRED_LIGHTING_PIPELINE", true),
+            ("DEFERRED_PREPASS", true),
+            ("STANDARD_MATERIAL_CLEARCOAT", true),
+            ("DEPTH_PREPASS", key.contains(MeshPipelineKey::DEPTH_PREPASS)),
+            ("NORMAL_PREPASS", key.contains(MeshPipelineKey::NORMAL_PREPASS)),
+            ("MOTION_VECTOR_PREPASS", key.contains(MeshPipelineKey::MOTION_VECTOR_PREPASS)),
+            ("SCREEN_SPACE_AMBIENT_OCCLUSION", key.contains(MeshPipelineKey::SCREEN_SPACE_AMBIENT_OCCLUSION)),
+            ("SCREEN_SPACE_REFLECTIONS", key.contains(MeshPipelineKey::SCREEN_SPACE_REFLECTIONS)),
+            ("ENVIRONMENT_MAP", key.contains(MeshPipelineKey::ENVIRONMENT_MAP)),
+            ("CONTACT_SHADOWS", key.contains(MeshPipelineKey::CONTACT_SHADOWS)),
+            ("DISTANCE_FOG", key.contains(MeshPipelineKey::DISTANCE_FOG)),
+            ("ATMOSPHERE", key.contains(MeshPipelineKey::ATMOSPHERE)),
+            ("SHADOW_FILTER_METHOD_HARDWARE_2X2", shadow_filter == MeshPipelineKey::SHADOW_FILTER_METHOD_HARDWARE_2X2),
+            ("SHADOW_FILTER_METHOD_GAUSSIAN", shadow_filter == MeshPipelineKey::SHADOW_FILTER_METHOD_GAUSSIAN),
+            ("SHADOW_FILTER_METHOD_TEMPORAL", shadow_filter == MeshPipelineKey::SHADOW_FILTER_METHOD_TEMPORAL),
+            ("MULTIPLE_LIGHT_PROBES_IN_ARRAY", self.mesh_pipeline.binding_arrays_are_usable),
+            ("MULTIPLE_LIGHTMAPS_IN_ARRAY", self.mesh_pipeline.binding_arrays_are_usable),
+            ("CLUSTERED_DECALS_ARE_USABLE", self.mesh_pipeline.clustered_decals_are_usable),
+            ("BLUE_NOISE_TEXTURE", layout_key.contains(MeshPipelineViewLayoutKey::STBN)),
+            ("AREA_LIGHT_LUTS", layout_key.contains(MeshPipelineViewLayoutKey::AREA_LIGHT_LUTS)),
+            ("DFG_LUT", binds(DFG_LUT_BINDING)),
+            ("PCSS_SAMPLERS_AVAILABLE", binds(PCSS_BINDING)),
+        ]
+        .into_iter()
+        .filter(|(_, defined)| *defined)
+        .map(|(name, _)| ShaderDefVal::from(name))
+        .collect()
+    }
+}
+
+impl SpecializedRenderPipeline for ComposePipelines {
+    type Key = (MeshPipelineKey, Pass);
+
+    fn specialize(&self, (key, pass): Self::Key) -> RenderPipelineDescriptor {
+        let layout = self.mesh_pipeline.get_view_layout(key.into());
+        let mut shader_defs = self.shader_defs(key, &layout);
+        if let Pass::Compose { indirect: true } = pass {
+            shader_defs.push("COMPOSE_INDIRECT".into());
+        }
+        let (label, shader, entry_point, group_layout) = match pass {
+            Pass::Direct => ("bounce_direct", &self.direct_shader, "fragment", &self.direct_layout),
+            Pass::Compose { .. } => ("bounce_compose", &self.compose_shader, "compose", &self.compose_layout),
+            Pass::Isolate => ("bounce_isolate", &self.compose_shader, "isolate_indirect", &self.compose_layout),
+        };
+        let target = |format| Some(ColorTargetState { format, blend: None, write_mask: ColorWrites::ALL });
+        let (vertex, targets, depth_stencil) = match pass {
+            Pass::Direct => {
+                let half = TextureFormat::Rgba16Float;
+                (self.fullscreen.to_vertex_state(), vec![target(half), target(half)], None)
+            }
+            Pass::Compose { .. } => {
+                let vertex = VertexState {
+                    shader: shader.clone(),
+                    shader_defs: shader_defs.clone(),
+                    entry_point: Some("vertex".into()),
+                    buffers: vec![],
+                };
+                (vertex, vec![target(key.target_format())], Some(lighting_pass_id_test()))
+            }
+            Pass::Isolate => (self.fullscreen.to_vertex_state(), vec![target(key.target_format())], None),
+        };
+        RenderPipelineDescriptor {
+            label: Some(label.into()),
+            layout: vec![layout.main_layout, layout.binding_array_layout, group_layout.clone()],
+            vertex,
+            fragment: Some(FragmentState {
+                shader: shader.clone(),
+                shader_defs,
+                entry_point: Some(entry_point.into()),
+                targets,
+            }),
+            depth_stencil,
+            ..default()
+        }
+    }
+}
+
+/// Draws where the depth equals the lighting pass id.
+fn lighting_pass_id_test() -> DepthStencilState {
+    DepthStencilState {
+        format: DEFERRED_LIGHTING_PASS_ID_DEPTH_FORMAT,
+        depth_write_enabled: Some(false),
+        depth_compare: Some(CompareFunction::Equal),
+        stencil: StencilState::default(),
+        bias: DepthBiasState::default(),
+    }
+}
+
+/// Finds each view its pipelines, and takes over from Bevy's deferred lighting once they are there: until then, and should
+/// they fail, Bevy goes on lighting a view that it has lit before.
+pub(super) fn prepare_compose_pipelines(
+    mut commands: Commands,
+    cache: Res<PipelineCache>,
+    keys: Res<ViewKeyCache>,
+    pipelines: Res<ComposePipelines>,
+    mut specialized: ResMut<SpecializedRenderPipelines<ComposePipelines>>,
+    views: Query<
+        (Entity, &GiView, &ExtractedView, Has<DeferredLightingPipeline>),
+        (With<DepthPrepass>, With<DeferredPrepass>),
+    >,
+) {
+    for (entity, gi, view, lit_by_bevy) in &views {
+        let Some(&key) = keys.get(&view.retained_view_entity) else { continue };
+        if key.contains(MeshPipelineKey::TONEMAP_IN_SHADER) {
+            commands.entity(entity).remove::<(ViewPipelines, SkipDeferredLighting)>();
+            continue;
+        }
+        let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, (key, pass));
+        let view_pipelines = ViewPipelines {
+            direct: pipeline(Pass::Direct),
+            compose: pipeline(Pass::Compose { indirect: gi.isolate != GiIsolate::Direct }),
+            isolate: (gi.isolate == GiIsolate::Indirect).then(|| pipeline(Pass::Isolate)),
+        };
+        let ids = [Some(view_pipelines.direct), Some(view_pipelines.compose), view_pipelines.isolate];
+        let state = |id: &CachedRenderPipelineId| cache.get_render_pipeline_state(*id);
+        let ready = pipelines.surface.is_ready(&cache)
+            && ids.iter().flatten().all(|id| matches!(state(id), CachedPipelineState::Ok(_)));
+        let failed = pipelines.surface.has_failed(&cache)
+            || ids.iter().flatten().any(|id| matches!(state(id), CachedPipelineState::Err(_)));
+        let mut view = commands.entity(entity);
+        if ready {
+            view.insert((view_pipelines, SkipDeferredLighting));
+        } else if failed || lit_by_bevy {
+            view.remove::<(ViewPipelines, SkipDeferredLighting)>();
+        } else {
+            view.insert(SkipDeferredLighting).remove::<ViewPipelines>();
+        }
+    }
+}

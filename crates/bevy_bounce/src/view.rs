@@ -1,0 +1,140 @@
+//! The textures of a camera with bounced light, one texel a pixel of its main pass viewport.
+//!
+//! | texture | format | holds |
+//! |---|---|---|
+//! | `surface` | rg32uint | bits of the reverse-z depth (0: nothing to light), octahedral world normal |
+//! | `direct` | rgba16float | direct light; alpha 1 where a surface is lit |
+//! | `direct_diffuse` | rgba16float | its diffuse part |
+//! | `indirect` | rgba16float | irradiance of bounced light over pi |
+//! | `interleaved` | rgba16float | the same before filtering |
+//!
+//! Light is pre-exposed: cd/m^2 times the view's exposure. `direct` and `indirect` are the two layers of one array, so that
+//! the composing pass needs one binding for both: Bevy's view bindings leave no more of the 16 that WebGPU guarantees.
+
+use bevy::camera::MainPassResolutionOverride;
+use bevy::prelude::*;
+use bevy::render::camera::ExtractedCamera;
+use bevy::render::render_resource::{
+    Extent3d, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
+    TextureViewDescriptor, TextureViewDimension,
+};
+use bevy::render::renderer::RenderDevice;
+use bevy::render::view::ExtractedView;
+
+use crate::{GiIsolate, GiSettings};
+
+/// A camera with bounced light, in the render world.
+#[derive(Component, Clone, Copy, Debug)]
+pub(crate) struct GiView {
+    /// What the picture holds.
+    pub isolate: GiIsolate,
+    /// What the camera asks for.
+    pub settings: GiSettings,
+}
+
+/// Textures of a [`GiView`]; kept from frame to frame, made anew when the size changes.
+#[derive(Component)]
+pub(crate) struct ViewTextures {
+    /// Size of the main pass viewport, pixels.
+    pub size: UVec2,
+    /// Depth and normal.
+    pub surface: TextureView,
+    /// All direct light.
+    pub direct: TextureView,
+    /// Diffuse part of the direct light.
+    pub direct_diffuse: TextureView,
+    /// Bounced light.
+    pub indirect: TextureView,
+    /// Bounced light before filtering.
+    pub interleaved: TextureView,
+    /// `direct` and `indirect` as layers of an array.
+    pub light: TextureView,
+    textures: [Texture; 4],
+}
+
+impl ViewTextures {
+    fn new(device: &RenderDevice, size: UVec2) -> Self {
+        let texture = |label, format, layers, usage| {
+            device.create_texture(&TextureDescriptor {
+                label: Some(label),
+                size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: layers },
+                mip_level_count: 1,
+                sample_count: 1,
+                dimension: TextureDimension::D2,
+                format,
+                usage: usage | TextureUsages::TEXTURE_BINDING,
+                view_formats: &[],
+            })
+        };
+        let half = TextureFormat::Rgba16Float;
+        let (storage, target) = (TextureUsages::STORAGE_BINDING, TextureUsages::RENDER_ATTACHMENT);
+        let surface = texture("bounce_surface", TextureFormat::Rg32Uint, 1, storage);
+        let light = texture("bounce_light", half, 2, storage | target);
+        let direct_diffuse = texture("bounce_direct_diffuse", half, 1, target);
+        let interleaved = texture("bounce_interleaved", half, 1, storage);
+        let layer = |layer| {
+            light.create_view(&TextureViewDescriptor {
+                dimension: Some(TextureViewDimension::D2),
+                base_array_layer: layer,
+                array_layer_count: Some(1),
+                ..default()
+            })
+        };
+        let whole = |texture: &Texture| texture.create_view(&TextureViewDescriptor::default());
+        Self {
+            size,
+            surface: whole(&surface),
+            direct: layer(0),
+            direct_diffuse: whole(&direct_diffuse),
+            indirect: layer(1),
+            interleaved: whole(&interleaved),
+            light: light
+                .create_view(&TextureViewDescriptor { dimension: Some(TextureViewDimension::D2Array), ..default() }),
+            textures: [surface, light, direct_diffuse, interleaved],
+        }
+    }
+
+    /// Names and sizes of what is held on the GPU, bytes.
+    pub fn bytes(&self) -> [(&'static str, u64); 4] {
+        let names = ["view: surface", "view: direct and indirect", "view: direct diffuse", "view: interleaved"];
+        std::array::from_fn(|i| {
+            let texture = &self.textures[i];
+            let texels = u64::from(self.size.x) * u64::from(self.size.y) * u64::from(texture.depth_or_array_layers());
+            (names[i], texels * u64::from(texture.format().block_copy_size(None).unwrap_or(0)))
+        })
+    }
+}
+
+/// Pixels that the main pass of a view draws; `None` where there are none.
+pub(crate) fn main_pass_size(
+    camera: &ExtractedCamera,
+    view: &ExtractedView,
+    resolution_override: Option<&MainPassResolutionOverride>,
+) -> Option<UVec2> {
+    let target = camera.physical_target_size?;
+    let size = resolution_override.map_or(view.viewport.zw(), |size| size.0);
+    let fits = (view.viewport.xy() + size).cmple(target).all();
+    (size.min_element() > 0 && fits).then_some(size)
+}
+
+/// Gives every [`GiView`] its textures.
+pub(crate) fn prepare_view_textures(
+    mut commands: Commands,
+    device: Res<RenderDevice>,
+    views: Query<
+        (Entity, &ExtractedCamera, &ExtractedView, Option<&MainPassResolutionOverride>, Option<&ViewTextures>),
+        With<GiView>,
+    >,
+) {
+    let limit = device.limits().max_texture_dimension_2d;
+    for (entity, camera, view, resolution_override, textures) in &views {
+        let size = main_pass_size(camera, view, resolution_override).filter(|size| size.max_element() <= limit);
+        if size == textures.map(|textures| textures.size) {
+            continue;
+        }
+        match size {
+            Some(size) => commands.entity(entity).insert(ViewTextures::new(&device, size)),
+            None => commands.entity(entity).remove::<ViewTextures>(),
+        };
+    }
+}

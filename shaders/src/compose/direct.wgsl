@@ -1,0 +1,196 @@
+// Direct light by Bevy's own lighting and shadow functions, and its diffuse part once more by itself.
+//
+// This is `apply_pbr_lighting` of bevy_pbr/src/render/pbr_functions.wgsl for the deferred G-buffer, without what bounced light
+// replaces (ambient light, irradiance volumes) and without emission, which `compose.wgsl` adds. Both targets are pre-exposed.
+
+#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color}
+#import bevy_pbr::clustered_forward as clustering
+#import bevy_pbr::lighting
+#import bevy_pbr::lighting::{LAYER_BASE, LAYER_CLEARCOAT}
+#import bevy_pbr::mesh_types::MESH_FLAGS_SHADOW_RECEIVER_BIT
+#import bevy_pbr::mesh_view_bindings as view_bindings
+#import bevy_pbr::mesh_view_types
+#import bevy_pbr::pbr_functions
+#import bevy_pbr::pbr_types::PbrInput
+#import bevy_pbr::shadows
+
+#ifdef ENVIRONMENT_MAP
+#import bevy_pbr::environment_map
+#endif
+
+@group(2) @binding(0) var surface_texture: texture_2d<u32>;
+
+/// Largest finite half float.
+const HALF_MAX: f32 = 65504.0;
+
+struct Targets {
+    /// Alpha 1 where a surface is lit.
+    @location(0) light: vec4<f32>,
+    @location(1) diffuse: vec4<f32>,
+}
+
+/// What Bevy's light functions want to know of a surface.
+fn lighting_input(surface: PbrInput) -> lighting::LightingInput {
+    let material = surface.material;
+    let n_dot_v = max(dot(surface.N, surface.V), 0.0001);
+    var input: lighting::LightingInput;
+    input.layers[LAYER_BASE].NdotV = n_dot_v;
+    input.layers[LAYER_BASE].N = surface.N;
+    input.layers[LAYER_BASE].R = reflect(-surface.V, surface.N);
+    input.layers[LAYER_BASE].perceptual_roughness = material.perceptual_roughness;
+    input.layers[LAYER_BASE].roughness = lighting::perceptualRoughnessToRoughness(material.perceptual_roughness);
+    input.P = surface.world_position.xyz;
+    input.V = surface.V;
+    input.diffuse_color = diffuse_color(surface);
+    input.metallic = material.metallic;
+    input.F0_dielectric = pbr_functions::calculate_F0_dielectric(material.reflectance);
+    input.F0_metallic = material.base_color.rgb;
+    input.F_ab = lighting::F_AB(material.perceptual_roughness, n_dot_v);
+#ifdef STANDARD_MATERIAL_CLEARCOAT
+    let roughness = material.clearcoat_perceptual_roughness;
+    input.layers[LAYER_CLEARCOAT].NdotV = max(dot(surface.clearcoat_N, surface.V), 0.0001);
+    input.layers[LAYER_CLEARCOAT].N = surface.clearcoat_N;
+    input.layers[LAYER_CLEARCOAT].R = reflect(-surface.V, surface.clearcoat_N);
+    input.layers[LAYER_CLEARCOAT].perceptual_roughness = roughness;
+    input.layers[LAYER_CLEARCOAT].roughness = lighting::perceptualRoughnessToRoughness(roughness);
+    input.clearcoat_strength = material.clearcoat;
+#endif
+    return input;
+}
+
+/// `shadow`, and where the light asks for it the shadow of what is near on the screen.
+fn with_contact_shadow(surface: PbrInput, to_light: vec3<f32>, enabled: bool, shadow: f32) -> f32 {
+#ifdef CONTACT_SHADOWS
+#ifdef DEPTH_PREPASS
+    let steps = view_bindings::contact_shadows_settings.linear_steps;
+    if steps > 0u && enabled && shadow > 0.0 && (surface.flags & MESH_FLAGS_SHADOW_RECEIVER_BIT) != 0u {
+        return shadow * pbr_functions::calculate_contact_shadow(
+            surface.world_position.xyz,
+            surface.frag_coord.xy,
+            to_light,
+            steps,
+        );
+    }
+#endif
+#endif
+    return shadow;
+}
+
+fn with_contact_shadow_of_clustered(surface: PbrInput, light_id: u32, shadow: f32) -> f32 {
+    let light = &view_bindings::clustered_lights.data[light_id];
+    return with_contact_shadow(
+        surface,
+        normalize((*light).position_radius.xyz - surface.world_position.xyz),
+        ((*light).flags & mesh_view_types::POINT_LIGHT_FLAGS_CONTACT_SHADOWS_ENABLED_BIT) != 0u,
+        shadow,
+    );
+}
+
+/// Whether a point or spot light has a shadow map that this surface shows.
+fn is_shadowed_clustered(surface: PbrInput, light_id: u32) -> bool {
+    let flags = view_bindings::clustered_lights.data[light_id].flags;
+    return (surface.flags & MESH_FLAGS_SHADOW_RECEIVER_BIT) != 0u
+        && (flags & mesh_view_types::POINT_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u;
+}
+
+@fragment
+fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
+    if textureLoad(surface_texture, vec2<i32>(position.xy), 0).x == 0u {
+        return Targets(vec4<f32>(0.0), vec4<f32>(0.0));
+    }
+    let surface = load_pbr_input(vec2<i32>(position.xy) + vec2<i32>(view_bindings::view.main_pass_viewport.xy));
+    var input = lighting_input(surface);
+    let view_z = (view_bindings::view.view_from_world * surface.world_position).z;
+    let cluster = clustering::view_fragment_cluster_index(surface.frag_coord.xy, view_z, surface.is_orthographic);
+    var ranges = clustering::unpack_clusterable_object_index_ranges(cluster);
+
+    // Bevy's functions return diffuse and specular light in one; their `enable_diffuse` tells the two apart, and what both
+    // calls have in common is computed once after inlining.
+    var light = vec3<f32>(0.0);
+    var diffuse = vec3<f32>(0.0);
+
+    for (var i = ranges.first_point_light_index_offset; i < ranges.first_spot_light_index_offset; i += 1u) {
+        let id = clustering::get_clusterable_object_id(i);
+        var shadow = 1.0;
+        if is_shadowed_clustered(surface, id) {
+            shadow = shadows::fetch_point_shadow(id, surface.world_position, surface.world_normal, surface.frag_coord.xy);
+        }
+        shadow = with_contact_shadow_of_clustered(surface, id, shadow);
+        let both = lighting::point_light(id, &input, true, true);
+        light += both * shadow;
+        diffuse += (both - lighting::point_light(id, &input, false, true)) * shadow;
+    }
+
+    for (var i = ranges.first_spot_light_index_offset; i < ranges.first_reflection_probe_index_offset; i += 1u) {
+        let id = clustering::get_clusterable_object_id(i);
+        var shadow = 1.0;
+        if is_shadowed_clustered(surface, id) {
+            shadow = shadows::fetch_spot_shadow(
+                id,
+                surface.world_position,
+                surface.world_normal,
+                view_bindings::clustered_lights.data[id].shadow_map_near_z,
+                surface.frag_coord.xy,
+            );
+        }
+        shadow = with_contact_shadow_of_clustered(surface, id, shadow);
+        let both = lighting::spot_light(id, &input, true);
+        light += both * shadow;
+        diffuse += (both - lighting::spot_light(id, &input, false)) * shadow;
+    }
+
+    for (var id = 0u; id < view_bindings::lights.n_directional_lights; id += 1u) {
+        let flags = view_bindings::lights.directional_lights[id].flags;
+        var shadow = 1.0;
+        if (surface.flags & MESH_FLAGS_SHADOW_RECEIVER_BIT) != 0u
+            && (flags & mesh_view_types::DIRECTIONAL_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u {
+            shadow = shadows::fetch_directional_shadow(
+                id,
+                surface.world_position,
+                surface.world_normal,
+                view_z,
+                surface.frag_coord.xy,
+            );
+        }
+        shadow = with_contact_shadow(
+            surface,
+            view_bindings::lights.directional_lights[id].direction_to_light,
+            (flags & mesh_view_types::DIRECTIONAL_LIGHT_FLAGS_CONTACT_SHADOWS_ENABLED_BIT) != 0u,
+            shadow,
+        );
+        let both = lighting::directional_light(id, &input, true);
+        light += both * shadow;
+        diffuse += (both - lighting::directional_light(id, &input, false)) * shadow;
+    }
+
+#ifdef AREA_LIGHT_LUTS
+    for (var id = 0u; id < view_bindings::lights.n_rect_lights; id += 1u) {
+        let both = lighting::rect_light(id, &input, true);
+        light += both;
+        diffuse += both - lighting::rect_light(id, &input, false);
+    }
+#endif
+
+#ifdef ENVIRONMENT_MAP
+    let environment = environment_map::environment_map_light(&input, &ranges, false);
+    var environment_light = environment.diffuse * surface.diffuse_occlusion;
+#ifdef SCREEN_SPACE_REFLECTIONS
+    // Screen-space reflections add the specular part where they run.
+    let roughness = surface.material.perceptual_roughness;
+    let reflects = roughness >= view_bindings::ssr_settings.min_perceptual_roughness
+        && roughness <= view_bindings::ssr_settings.max_perceptual_roughness;
+#else
+    let reflects = false;
+#endif
+    if !reflects {
+        environment_light += environment.specular * surface.specular_occlusion;
+    }
+    light += environment_light;
+#endif
+
+    let exposure = view_bindings::view.exposure;
+    return Targets(
+        vec4<f32>(clamp(light * exposure, vec3<f32>(0.0), vec3<f32>(HALF_MAX)), 1.0),
+        vec4<f32>(clamp(diffuse * exposure, vec3<f32>(0.0), vec3<f32>(HALF_MAX)), 1.0),
+    );
+}
