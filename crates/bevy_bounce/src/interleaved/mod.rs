@@ -13,9 +13,9 @@ mod pipelines;
 
 use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
-use bevy::render::render_resource::PipelineCache;
 use bevy::render::{RenderApp, RenderStartup};
 
+use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
 use crate::compose::ViewPass;
@@ -27,11 +27,11 @@ impl Plugin for InterleavedShadingPlugin {
     fn build(&self, _app: &mut App) {}
 
     fn finish(&self, app: &mut App) {
-        load_shaders(app);
-        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
-        if !render_app.world().contains_resource::<PipelineCache>() {
+        if !device_is_adequate(app) {
             return;
         }
+        load_shaders(app);
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         configure_stages(render_app);
         render_app
             .add_systems(RenderStartup, pipelines::init_pipelines)

@@ -24,10 +24,10 @@ mod pipelines;
 mod prepare;
 
 use bevy::prelude::*;
-use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::RenderGraph;
 use bevy::render::{Render, RenderApp, RenderStartup};
 
+use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 
@@ -40,11 +40,11 @@ impl Plugin for VplPlugin {
     fn build(&self, _app: &mut App) {}
 
     fn finish(&self, app: &mut App) {
-        load_shaders(app);
-        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
-        if !render_app.world().contains_resource::<PipelineCache>() {
+        if !device_is_adequate(app) {
             return;
         }
+        load_shaders(app);
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         configure_stages(render_app);
         render_app
             .add_systems(RenderStartup, pipelines::init_pipelines)
