@@ -28,8 +28,6 @@ usage: cargo xtask bench [OPTIONS]
 
 /// The parts of a report.
 const PARTS: [&str; 3] = ["frames", "memory", "growth"];
-/// Size at which the plugins' memory is itemised.
-const MEMORY_SIZE: &str = "1280x720";
 
 /// What to measure.
 #[derive(Debug, PartialEq)]
@@ -179,21 +177,18 @@ fn jobs(options: &Options, folder: &Path) -> Result<Vec<Job>> {
             }
         }
     }
-    let one = |part, scene: String, file, size: &str| Job {
-        part,
-        scene,
-        file,
-        size: size.to_owned(),
-        lights: Some(("none".to_owned(), if part == "memory" { 1024 } else { 16 })),
+    let one = |part, scene: String, file, size: &str, visibility: &str, vpls| {
+        let lights = Some((visibility.to_owned(), vpls));
+        Job { part, scene, file, size: size.to_owned(), lights }
     };
     if options.has("memory") {
-        jobs.push(one("memory", "cornell".to_owned(), None, MEMORY_SIZE));
+        jobs.push(one("memory", "cornell".to_owned(), None, "1280x720", "voxel", 1024));
     }
     for wanted in options.growth.iter().filter(|_| options.has("growth")) {
         let (bytes, triangles) = glb::torus(*wanted);
         let file = folder.join(format!("torus_{triangles}.glb"));
         fs::write(&file, bytes).map_err(|error| format!("{}: {error}", file.display()))?;
-        jobs.push(one("growth", format!("torus {triangles}"), Some(file), "160x90"));
+        jobs.push(one("growth", format!("torus {triangles}"), Some(file), "160x90", "none", 16));
     }
     Ok(jobs)
 }

@@ -64,12 +64,13 @@ impl Stats {
         let stages = json.get("stages").and_then(Value::as_object).into_iter().flatten();
         let mut stages: Vec<(String, Stage)> = stages
             .map(|(name, times)| {
-                let times_of = |member: &str| times.get(member).and_then(Times::from_json);
-                (name.clone(), Stage { gpu: times_of("gpu_ms"), cpu: times_of("cpu_ms") })
+                let times_of = |median, p95| Times::of_stage(times, median, p95);
+                let gpu = times_of("gpu_ms", "gpu_ms_p95");
+                (name.clone(), Stage { gpu, cpu: times_of("cpu_ms", "cpu_ms_p95") })
             })
             .collect();
         stages.sort_by_key(|(name, _)| (stage_rank(name), name.clone()));
-        let gpu_items = json.get("gpu_items").and_then(Value::as_object).into_iter().flatten();
+        let gpu_items = json.get("gpu_bytes_by").and_then(Value::as_object).into_iter().flatten();
         let mut gpu_items: Vec<(String, u64)> =
             gpu_items.filter_map(|(name, bytes)| Some((name.clone(), bytes.as_u64()?))).collect();
         gpu_items.sort_by_key(|(_, bytes)| std::cmp::Reverse(*bytes));
@@ -80,7 +81,7 @@ impl Stats {
             vpls: number("vpls"),
             gpu_bytes: number("gpu_bytes"),
             gpu_items,
-            frame: json.get("frame_ms").and_then(Times::from_json).ok_or("no member `frame_ms`")?,
+            frame: json.get("frame_ms").and_then(Times::of_frame).ok_or("no member `frame_ms`")?,
             stages,
         })
     }
@@ -91,19 +92,20 @@ impl Stats {
     }
 }
 
-/// Where a stage stands in the frame.
+/// Where a stage stands in the frame; `stage/part` stands with its stage.
 pub fn stage_rank(name: &str) -> usize {
-    FRAME_ORDER.iter().position(|stage| *stage == name).unwrap_or(FRAME_ORDER.len())
+    let stage = name.split('/').next().unwrap_or(name);
+    FRAME_ORDER.iter().position(|known| *known == stage).unwrap_or(FRAME_ORDER.len())
 }
 
 impl Times {
-    /// A number, or an object of `median` and `p95`.
-    fn from_json(json: &Value) -> Option<Self> {
-        if let Some(median) = json.as_f64() {
-            return Some(Self { median, p95: None });
-        }
+    fn of_frame(json: &Value) -> Option<Self> {
+        Self::of_stage(json, "median", "p95")
+    }
+
+    fn of_stage(json: &Value, median: &str, p95: &str) -> Option<Self> {
         let member = |name: &str| json.get(name).and_then(Value::as_f64);
-        Some(Self { median: member("median")?, p95: member("p95") })
+        Some(Self { median: member(median)?, p95: member(p95) })
     }
 }
 
@@ -113,10 +115,10 @@ mod tests {
 
     const FULL: &str = r#"{
         "adapter": "llvmpipe", "size": [640, 360], "triangles": 34, "vpls": 1024, "gpu_bytes": 300,
-        "gpu_items": {"grid": 100, "surface": 200},
+        "gpu_bytes_by": {"grid": 100, "surface": 200},
         "frame_ms": {"median": 40.5, "p95": 44.0},
         "stages": {
-            "compose": {"gpu_ms": {"median": 1.5, "p95": 2.0}, "cpu_ms": 0.1},
+            "compose": {"gpu_ms": 1.5, "gpu_ms_p95": 2.0, "cpu_ms": 0.1},
             "voxelize": {"gpu_ms": 3.0, "cpu_ms": 0.2},
             "bloom": {"gpu_ms": null, "cpu_ms": 0.3}
         }
@@ -148,7 +150,7 @@ mod tests {
     #[test]
     fn a_missing_member_is_named() {
         let message = |text: &str| Stats::parse(text).map_err(|error| error.to_string()).err().unwrap_or_default();
-        assert!(message(r#"{"size": [1, 1], "frame_ms": 1}"#).contains("adapter"));
+        assert!(message(r#"{"size": [1, 1], "frame_ms": {"median": 1}}"#).contains("adapter"));
         assert!(message(r#"{"adapter": "a", "frame_ms": 1}"#).contains("size"));
         assert!(message(r#"{"adapter": "a", "size": [1], "frame_ms": 1}"#).contains("size"));
         assert!(message(r#"{"adapter": "a", "size": [1, 1]}"#).contains("frame_ms"));
