@@ -9,6 +9,7 @@ mod demo;
 mod drivers;
 mod glb;
 mod packages;
+mod pictures;
 mod process;
 mod setup;
 mod stats;
@@ -32,6 +33,8 @@ usage: cargo xtask COMMAND
   ci [STEP...]   everything a change must pass: setup fmt clippy test webgpu docs
   bench [OPTIONS]
                  stage times, median and 95th percentile, beside plain Bevy; `cargo xtask bench --help`
+  pictures [NAME...]
+                 render the pictures of the README into assets/readme
   help           this text
 ";
 
@@ -44,6 +47,7 @@ fn main() -> ExitCode {
         Some("test") => demo::test(&rest),
         Some("setup") => setup::setup(),
         Some("ci") => ci::ci(&rest),
+        Some("pictures") => pictures::pictures(&rest),
         Some("bench") => bench::bench(&rest),
         Some("help" | "--help" | "-h") => {
             print!("{USAGE}");
