@@ -40,7 +40,6 @@ pub(super) fn shade(
     });
     let visibility = gi.settings.visibility;
     let shade = p.shade(visibility);
-    let texture = |view: &'_ TextureView| BindingResource::TextureView(view);
     let device = ctx.render_device().clone();
     let shade_group = shade.bind(
         &device,
@@ -72,4 +71,8 @@ pub(super) fn shade(
     let groups = textures.size.map(|pixels| pixels.div_ceil(GROUP));
     p.filter.dispatch(encoder, &cache, &[&filter_group], groups.extend(1));
     span.end(encoder);
+}
+
+fn texture(view: &TextureView) -> BindingResource<'_> {
+    BindingResource::TextureView(view)
 }
