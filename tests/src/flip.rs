@@ -191,14 +191,16 @@ fn convolve(plane: &Plane, horizontal: &Plane, vertical: &Plane, (width, height)
     let mut rows = vec![0.0; plane.len()];
     for y in 0..height {
         for x in 0..width {
-            let sample = |(i, weight): (usize, &f64)| weight * plane[y * width + clamp(x as isize + i as isize - rx, width)];
+            let sample =
+                |(i, weight): (usize, &f64)| weight * plane[y * width + clamp(x as isize + i as isize - rx, width)];
             rows[y * width + x] = horizontal.iter().enumerate().map(sample).sum();
         }
     }
     let mut out = vec![0.0; plane.len()];
     for y in 0..height {
         for x in 0..width {
-            let sample = |(i, weight): (usize, &f64)| weight * rows[clamp(y as isize + i as isize - ry, height) * width + x];
+            let sample =
+                |(i, weight): (usize, &f64)| weight * rows[clamp(y as isize + i as isize - ry, height) * width + x];
             out[y * width + x] = vertical.iter().enumerate().map(sample).sum();
         }
     }

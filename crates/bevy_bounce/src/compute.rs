@@ -11,7 +11,7 @@ use bevy::render::render_resource::{
     PipelineCache, ShaderStages,
 };
 use bevy::render::renderer::RenderDevice;
-use bevy::shader::{Shader, ShaderDefVal};
+use bevy::shader::{Shader, ShaderCacheError, ShaderDefVal};
 use bevy_bounce_shaders::SHADERS;
 
 /// Workgroups along one axis that every device allows. WebGPU: maxComputeWorkgroupsPerDimension.
@@ -92,7 +92,7 @@ impl Kernel {
 
     /// Whether the pipeline cannot be compiled.
     pub fn has_failed(&self, cache: &PipelineCache) -> bool {
-        matches!(cache.get_compute_pipeline_state(self.pipeline), CachedPipelineState::Err(_))
+        has_failed(cache.get_compute_pipeline_state(self.pipeline))
     }
 
     /// Group 0, bindings in order.
@@ -115,6 +115,12 @@ impl Kernel {
         }
         pass.dispatch_workgroups(size.x, size.y, size.z);
     }
+}
+
+/// Whether a pipeline cannot be compiled; one that waits for its shader to be loaded still may.
+pub(crate) fn has_failed(state: &CachedPipelineState) -> bool {
+    use ShaderCacheError::{ShaderImportNotYetAvailable, ShaderNotLoaded};
+    matches!(state, CachedPipelineState::Err(error) if !matches!(error, ShaderNotLoaded(_) | ShaderImportNotYetAvailable))
 }
 
 /// A layout whose bindings are numbered in order, for compute.

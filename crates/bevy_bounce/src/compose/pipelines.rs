@@ -19,7 +19,7 @@ use bevy::render::view::{ExtractedView, ViewUniform};
 use bevy::shader::{Shader, ShaderDefVal};
 
 use crate::GiIsolate;
-use crate::compute::{GiShaders, Kernel, KernelDescriptor};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, has_failed};
 use crate::view::GiView;
 
 /// Bindings of Bevy's view layout that are there only with the Cargo feature of that name; Bevy tells it no other way.
@@ -241,8 +241,7 @@ pub(super) fn prepare_compose_pipelines(
         let state = |id: &CachedRenderPipelineId| cache.get_render_pipeline_state(*id);
         let ready = pipelines.surface.is_ready(&cache)
             && ids.iter().flatten().all(|id| matches!(state(id), CachedPipelineState::Ok(_)));
-        let failed = pipelines.surface.has_failed(&cache)
-            || ids.iter().flatten().any(|id| matches!(state(id), CachedPipelineState::Err(_)));
+        let failed = pipelines.surface.has_failed(&cache) || ids.iter().flatten().any(|id| has_failed(state(id)));
         let mut view = commands.entity(entity);
         if ready {
             view.insert((view_pipelines, SkipDeferredLighting));
