@@ -1,1 +1,42 @@
-//! x
+//! What the examples share: options, windows and windowless runs, capture, statistics, glTF loading, generated scenes.
+//!
+//! An example is a `main` that hands [`launch`] a name and the systems that build its scene. The options of [`Options`]
+//! come with it: a window by default, `--output FILE` for a picture without one.
+
+pub mod adapter;
+pub mod app;
+pub mod camera;
+pub mod capture;
+pub mod error;
+pub mod gltf;
+pub mod headless;
+pub mod options;
+pub mod run;
+pub mod stats;
+pub mod window;
+
+use std::process::ExitCode;
+
+use bevy::prelude::App;
+use clap::Parser;
+
+pub use error::Error;
+pub use options::Options;
+pub use run::Run;
+
+#[derive(Parser)]
+#[command(version)]
+struct Cli {
+    #[command(flatten)]
+    options: Options,
+}
+
+/// Runs an example: reads the command line, adds `scene` to the app, opens a window or writes pictures.
+///
+/// `scene` adds the systems that spawn a camera, lights and meshes.
+pub fn launch(name: &'static str, scene: impl FnOnce(&mut App)) -> ExitCode {
+    error::exit(name, || {
+        let cli: Cli = options::parse(name)?;
+        app::launch(cli.options.check()?, None, scene)
+    })
+}

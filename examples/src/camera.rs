@@ -1,0 +1,42 @@
+//! What a run asks of every camera: target, exposure, global illumination.
+
+use bevy::camera::{Hdr, ImageRenderTarget, RenderTarget, ShadowLodOrigin};
+use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
+use bevy::core_pipeline::tonemapping::DebandDither;
+use bevy::prelude::*;
+use bevy_bounce::GlobalIllumination;
+
+use crate::Run;
+use crate::capture::Targets;
+
+/// Applies the run's options to every [`Camera3d`] as it is spawned.
+pub struct CameraPlugin;
+
+/// On a camera: without `--exposure`, its exposure is measured once, from the first finished frame.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct Metered;
+
+impl Plugin for CameraPlugin {
+    fn build(&self, app: &mut App) {
+        app.add_observer(apply);
+    }
+}
+
+fn apply(add: On<Add, Camera3d>, run: Res<Run>, targets: Option<Res<Targets>>, mut commands: Commands) {
+    let mut camera = commands.entity(add.entity);
+    camera.insert((Hdr, run.isolate, DebandDither::Disabled));
+    if let Some(ev100) = run.exposure {
+        camera.insert(bevy::camera::Exposure { ev100 });
+    }
+    if let Some(targets) = targets {
+        let target = ImageRenderTarget { handle: targets.display.clone(), scale_factor: 1.0 };
+        camera.insert((RenderTarget::Image(target), ShadowLodOrigin));
+    }
+    match &run.illumination {
+        Some(illumination) => camera.insert(illumination.clone()),
+        None => camera.remove::<GlobalIllumination>(),
+    };
+    if run.plain_bevy {
+        camera.insert((DepthPrepass, DeferredPrepass, Msaa::Off));
+    }
+}

@@ -1,0 +1,150 @@
+//! What a run does, checked before anything heavy starts.
+
+use std::fs::{self, OpenOptions};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use bevy::prelude::*;
+use bevy_bounce::{GiIsolate, GlobalIllumination, Quality, Technique, VplVisibility};
+
+use crate::options::{IsolateOption, QualityOption, Switch, TechniqueOption, VisibilityOption};
+use crate::{Error, Options};
+
+/// A checked command line.
+#[derive(Resource, Clone, Debug)]
+pub struct Run {
+    /// Pictures to write.
+    pub outputs: Vec<Output>,
+    /// No window.
+    pub headless: bool,
+    /// Pixels.
+    pub size: UVec2,
+    /// Animation time that each frame before the capture adds.
+    pub steps: Vec<Duration>,
+    /// What cameras get instead of their own; `None` takes it away.
+    pub illumination: Option<GlobalIllumination>,
+    /// What the picture holds.
+    pub isolate: GiIsolate,
+    /// Exposure of every camera, EV100.
+    pub exposure: Option<f32>,
+    /// WebGPU's default limits, no optional features.
+    pub webgpu_limits: bool,
+    /// Where statistics go.
+    pub stats: Option<PathBuf>,
+    /// Without this project's plugins.
+    pub plain_bevy: bool,
+}
+
+/// A picture to write.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// Display-referred, 8 bits a channel.
+    Png(PathBuf),
+    /// Linear cd/m^2 before exposure, 32-bit floats.
+    Exr(PathBuf),
+}
+
+impl Options {
+    /// Checks what can be checked without a GPU.
+    pub fn check(&self) -> Result<Run, Error> {
+        self.reject_unbuilt()?;
+        let outputs = self.output.iter().map(|path| output(path)).collect::<Result<Vec<_>, _>>()?;
+        if let Some(path) = &self.stats {
+            check_writable(path)?;
+        }
+        let without = self.plain_bevy || self.technique == TechniqueOption::None;
+        if without && self.isolate == IsolateOption::Indirect {
+            return Err(Error::Usage(
+                "--isolate indirect: without a technique there is none; try --technique vpl".into(),
+            ));
+        }
+        Ok(Run {
+            headless: self.headless || !outputs.is_empty() || self.stats.is_some(),
+            outputs,
+            size: self.size,
+            steps: self.steps(),
+            illumination: (!without).then(|| self.illumination()),
+            isolate: match self.isolate {
+                IsolateOption::All => GiIsolate::All,
+                IsolateOption::Direct => GiIsolate::Direct,
+                IsolateOption::Indirect => GiIsolate::Indirect,
+            },
+            exposure: self.exposure,
+            webgpu_limits: self.webgpu_limits,
+            stats: self.stats.clone(),
+            plain_bevy: self.plain_bevy,
+        })
+    }
+
+    fn reject_unbuilt(&self) -> Result<(), Error> {
+        let unbuilt = [
+            (self.technique == TechniqueOption::RadianceCache, "--technique radiance-cache; try vpl"),
+            (self.technique == TechniqueOption::Cssm, "--technique cssm; try vpl"),
+            (self.visibility == Some(VisibilityOption::Atlas), "--visibility atlas; try voxel"),
+            (self.visibility == Some(VisibilityOption::Ism), "--visibility ism; try voxel"),
+            (self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try voxel"),
+            (self.ssbc > 0, "--ssbc above 0"),
+            (self.temporal == Switch::On, "--temporal on"),
+            (self.glossy == Switch::On, "--glossy on"),
+            (self.sky.is_some(), "--sky"),
+        ];
+        unbuilt.into_iter().find(|(asked, _)| *asked).map_or(Ok(()), |(_, what)| Err(Error::NotBuilt(what)))
+    }
+
+    fn illumination(&self) -> GlobalIllumination {
+        let preset = match self.quality {
+            QualityOption::Low => Quality::Low,
+            QualityOption::Medium => Quality::Medium,
+            QualityOption::High => Quality::High,
+            QualityOption::Ultra => Quality::Ultra,
+        };
+        let mut settings = preset.settings();
+        settings.vpls = self.vpls.unwrap_or(settings.vpls);
+        settings.bounces = self.bounces.unwrap_or(settings.bounces);
+        settings.grid = self.grid.unwrap_or(settings.grid);
+        settings.visibility = match self.visibility {
+            Some(VisibilityOption::None) => VplVisibility::None,
+            Some(_) => VplVisibility::Voxel,
+            None => settings.visibility,
+        };
+        let quality = if settings == preset.settings() { preset } else { Quality::Custom(settings) };
+        GlobalIllumination { technique: Technique::InstantRadiosity, quality }
+    }
+
+    fn steps(&self) -> Vec<Duration> {
+        let time = Duration::from_secs_f64(self.time.unwrap_or(0.0));
+        let count = match (self.frames, self.time) {
+            (Some(frames), _) => frames,
+            (None, Some(seconds)) => ((seconds * 60.0).ceil() as u32).max(1),
+            (None, None) if self.stats.is_some() => 32,
+            (None, None) => 1,
+        };
+        let step = time / count;
+        let mut steps = vec![step; count as usize];
+        if let Some(last) = steps.last_mut() {
+            *last += time - step * count;
+        }
+        steps
+    }
+}
+
+fn output(path: &Path) -> Result<Output, Error> {
+    check_writable(path)?;
+    let extension = path.extension().map(|extension| extension.to_string_lossy().to_ascii_lowercase());
+    match extension.as_deref() {
+        Some("png") => Ok(Output::Png(path.to_owned())),
+        Some("exr") => Ok(Output::Exr(path.to_owned())),
+        _ => Err(Error::file(path, "cannot tell the format: name it .png or .exr")),
+    }
+}
+
+fn check_writable(path: &Path) -> Result<(), Error> {
+    let existed = path.exists();
+    match OpenOptions::new().write(true).create(true).truncate(false).open(path) {
+        Ok(_) if existed => Ok(()),
+        Ok(_) => fs::remove_file(path).map_err(|error| Error::file(path, format!("cannot be written: {error}"))),
+        Err(error) => {
+            Err(Error::file(path, format!("cannot be written: {error}; choose a folder that exists and is yours")))
+        }
+    }
+}

@@ -1,0 +1,109 @@
+//! What a run cost, as JSON.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::time::Duration;
+
+use bevy::diagnostic::{Diagnostic, DiagnosticsStore};
+use bevy::mesh::PrimitiveTopology;
+use bevy::prelude::*;
+use bevy::render::renderer::RenderAdapterInfo;
+use serde_json::{Value, json};
+
+use crate::{Error, Run};
+
+/// Writes adapter, sizes, frame times and stage times.
+///
+/// `frame_ms` is the wall time of a whole frame, submitted and finished. `stages` are this project's, `engine` is what
+/// Bevy itself measures; both are medians, `null` where the adapter has no timestamps.
+pub fn write(app: &mut App, run: &Run, times: &[Duration], path: &Path) -> Result<(), Error> {
+    let millis: Vec<f64> = times.iter().map(|time| time.as_secs_f64() * 1e3).collect();
+    let (stages, engine) = stages(app);
+    let (bytes, bytes_by) = gpu_bytes(app);
+    let stats = json!({
+        "adapter": app.world().get_resource::<RenderAdapterInfo>().map(|info| info.name.clone()),
+        "size": [run.size.x, run.size.y],
+        "triangles": triangles(app),
+        "vpls": vpls(run),
+        "gpu_bytes": bytes,
+        "gpu_bytes_by": bytes_by,
+        "frames": times.len(),
+        "frame_ms": { "median": percentile(&millis, 0.5), "p95": percentile(&millis, 0.95) },
+        "stages": stages,
+        "engine": engine,
+    });
+    let text = format!("{stats:#}\n");
+    std::fs::write(path, text).map_err(|error| Error::file(path, format!("cannot be written: {error}")))
+}
+
+/// Nearest-rank percentile; `null` of nothing.
+fn percentile(values: &[f64], fraction: f64) -> Option<f64> {
+    let mut values = values.to_vec();
+    values.sort_by(f64::total_cmp);
+    let rank = (values.len() as f64 * fraction).ceil() as usize;
+    values.get(rank.max(1) - 1).copied()
+}
+
+/// Triangles of all mesh instances in the world, seen or not.
+fn triangles(app: &mut App) -> usize {
+    let mut instances = app.world_mut().query::<&Mesh3d>();
+    let meshes = app.world().resource::<Assets<Mesh>>();
+    let triangles = |mesh: &Mesh| match mesh.primitive_topology() {
+        PrimitiveTopology::TriangleList => mesh.indices().map_or(mesh.count_vertices(), |indices| indices.len()) / 3,
+        PrimitiveTopology::TriangleStrip => {
+            mesh.indices().map_or(mesh.count_vertices(), |indices| indices.len()).saturating_sub(2)
+        }
+        _ => 0,
+    };
+    instances.iter(app.world()).filter_map(|instance| meshes.get(&instance.0)).map(triangles).sum()
+}
+
+/// Virtual point lights a frame.
+fn vpls(run: &Run) -> u32 {
+    run.illumination.as_ref().map_or(0, |illumination| illumination.quality.settings().vpls)
+}
+
+/// What the plugins hold on the GPU: the sum, and by name.
+fn gpu_bytes(_app: &App) -> (u64, BTreeMap<String, u64>) {
+    let by_name = BTreeMap::new();
+    (by_name.values().sum(), by_name)
+}
+
+/// Medians by stage: this project's, and the engine's.
+fn stages(app: &App) -> (BTreeMap<String, Value>, BTreeMap<String, Value>) {
+    let (mut ours, mut engine) = (BTreeMap::new(), BTreeMap::new());
+    let Some(diagnostics) = app.world().get_resource::<DiagnosticsStore>() else { return (ours, engine) };
+    let median = |diagnostic: Option<&Diagnostic>| {
+        percentile(
+            &diagnostic.map(|diagnostic| diagnostic.values().copied().collect::<Vec<_>>()).unwrap_or_default(),
+            0.5,
+        )
+    };
+    let find = |path: String| diagnostics.iter().find(|diagnostic| diagnostic.path().as_str() == path);
+    for diagnostic in diagnostics.iter() {
+        let Some(path) = diagnostic.path().as_str().strip_suffix("/elapsed_cpu") else { continue };
+        let Some(name) = path.strip_prefix("render/") else { continue };
+        let times = json!({
+            "gpu_ms": median(find(format!("{path}/elapsed_gpu"))),
+            "cpu_ms": median(Some(diagnostic)),
+        });
+        match name.strip_prefix("bounce/") {
+            Some(stage) => ours.insert(stage.to_owned(), times),
+            None => engine.insert(name.to_owned(), times),
+        };
+    }
+    (ours, engine)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_nearest_rank() {
+        let values = [4.0, 1.0, 3.0, 2.0];
+        assert_eq!(percentile(&values, 0.5), Some(2.0));
+        assert_eq!(percentile(&values, 0.95), Some(4.0));
+        assert_eq!(percentile(&[], 0.5), None);
+    }
+}
