@@ -29,6 +29,7 @@ macro_rules! shaders {
 
 shaders! {
     "shared/octahedral.wgsl" => [],
+    "shared/scene.wgsl" => [],
     "shared/sampling.wgsl" => [],
     "shared/grid.wgsl" => [],
     "shared/rays.wgsl" => [],

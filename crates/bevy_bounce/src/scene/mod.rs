@@ -1,6 +1,46 @@
-//! Main world to GPU scene.
+//! The scene on the GPU: everything that can bounce light, seen by a camera or not.
+//!
+//! Every technique reads only this: [`SceneBuffers`] and the WGSL module `bevy_bounce::shared::scene`. Data flows one way:
+//!
+//! | file | from | to |
+//! |---|---|---|
+//! | `extract` | main world, by change | components as they are |
+//! | `meshes`, `pack` | extracted mesh assets | geometry buffer |
+//! | `materials` | `StandardMaterial`s | table of [`Material`](bevy_bounce_shaders::types::Material)s |
+//! | `instances` | all of the above | instances, chunks, bounds |
+//! | `lights` | Bevy's lights, bounds | lights and their powers |
+//! | `prepare` | the tables | buffers, uploads of what changed |
+//!
+//! What takes part is said in `instances`, `materials` and `lights`.
+
+mod allocator;
+mod bounds;
+mod extract;
+mod instances;
+mod lights;
+mod materials;
+mod meshes;
+mod pack;
+mod prepare;
+mod table;
 
 use bevy::prelude::*;
+use bevy::render::mesh::RenderMesh;
+use bevy::render::render_asset::prepare_assets;
+use bevy::render::{ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems};
+
+use self::extract::{ExtractedInstances, ExtractedMaterials, SceneCameras};
+use self::extract::{extract_cameras, extract_instances, extract_materials};
+use self::instances::{Instances, resolve_instances, update_instances};
+use self::lights::{ExtractedLights, Lights, extract_lights, update_lights};
+use self::materials::{Materials, update_materials};
+use self::meshes::collect_meshes;
+use self::prepare::{init_scene, upload_scene};
+use crate::GiSystems;
+use crate::compute::load_shaders;
+use crate::plugins::configure_stages;
+
+pub(crate) use self::prepare::SceneBuffers;
 
 /// What a light adds to the bounced light; without it a light takes part as [`GiLight::default`].
 #[derive(Component, Reflect, Clone, Copy, Debug, PartialEq)]
@@ -52,5 +92,38 @@ impl Default for VoxelizedMesh {
 pub struct GiScenePlugin;
 
 impl Plugin for GiScenePlugin {
-    fn build(&self, _app: &mut App) {}
+    fn build(&self, app: &mut App) {
+        app.register_type::<GiLight>().register_type::<VoxelizedMesh>();
+    }
+
+    fn finish(&self, app: &mut App) {
+        load_shaders(app);
+        if !app.world().contains_resource::<Assets<StandardMaterial>>() {
+            return;
+        }
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        configure_stages(render_app);
+        render_app
+            .init_resource::<SceneCameras>()
+            .init_resource::<ExtractedInstances>()
+            .init_resource::<ExtractedMaterials>()
+            .init_resource::<ExtractedLights>()
+            .init_resource::<Instances>()
+            .init_resource::<Materials>()
+            .init_resource::<Lights>()
+            .add_systems(RenderStartup, init_scene)
+            .add_systems(
+                ExtractSchedule,
+                (extract_cameras, (extract_instances, extract_materials, extract_lights)).chain(),
+            )
+            .add_systems(
+                Render,
+                (
+                    collect_meshes.in_set(RenderSystems::PrepareAssets).before(prepare_assets::<RenderMesh>),
+                    (update_materials, update_instances, resolve_instances, update_lights, upload_scene)
+                        .chain()
+                        .in_set(GiSystems::PrepareScene),
+                ),
+            );
+    }
 }

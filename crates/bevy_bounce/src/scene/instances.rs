@@ -1,0 +1,285 @@
+//! The instances on the GPU, the chunks that cover their triangles, and the box round them.
+//!
+//! An instance keeps its slot from spawn to despawn; one that does not take part has no triangles. It takes part where
+//!
+//! - its `InheritedVisibility` is true: what is hidden neither reflects nor blocks;
+//! - the nearest camera with global illumination is within its `VisibilityRange`, so that one level of detail counts;
+//! - it shares a `RenderLayers` layer with some camera with global illumination;
+//! - it is not `VoxelizedMesh::OFF`;
+//! - mesh and material are there, and light does not pass the material;
+//! - its transform is finite and keeps a volume.
+
+use std::collections::BTreeSet;
+
+use bevy::camera::visibility::RenderLayers;
+use bevy::log::warn;
+use bevy::math::Affine3A;
+use bevy::platform::collections::HashMap;
+use bevy::prelude::*;
+use bevy::render::renderer::RenderDevice;
+use bevy_bounce_shaders::types::{CHUNK_TRIANGLES, Chunk, INSTANCE_FLIPPED, INSTANCE_TWO_SIDED, Instance, NONE};
+
+use super::allocator::SlotAllocator;
+use super::bounds::Bounds;
+use super::extract::{ExtractedInstance, ExtractedInstances, SceneCameras};
+use super::materials::Materials;
+use super::meshes::Meshes;
+use super::table::{GpuTable, buffer_limit};
+
+struct Record {
+    source: ExtractedInstance,
+    bounds: Bounds,
+    emits: bool,
+}
+
+/// See the module.
+#[derive(Resource)]
+pub(super) struct Instances {
+    /// By slot.
+    pub table: GpuTable<Instance>,
+    /// Of all instances, in the order of their slots.
+    pub chunks: GpuTable<Chunk>,
+    /// Of those whose material emits.
+    pub emissive_chunks: GpuTable<Chunk>,
+    slots: SlotAllocator,
+    by_entity: HashMap<Entity, u32>,
+    records: Vec<Option<Record>>,
+    dirty: BTreeSet<u32>,
+    layers: RenderLayers,
+    bounds: Bounds,
+    triangle_count: u64,
+    overflowed: bool,
+    warned_transform: bool,
+}
+
+impl Default for Instances {
+    fn default() -> Self {
+        Self {
+            table: GpuTable::new("bounce_instances"),
+            chunks: GpuTable::new("bounce_chunks"),
+            emissive_chunks: GpuTable::new("bounce_emissive_chunks"),
+            slots: SlotAllocator::default(),
+            by_entity: HashMap::default(),
+            records: Vec::new(),
+            dirty: BTreeSet::new(),
+            layers: RenderLayers::default(),
+            bounds: Bounds::EMPTY,
+            triangle_count: 0,
+            overflowed: false,
+            warned_transform: false,
+        }
+    }
+}
+
+impl Instances {
+    /// Box of all that takes part.
+    pub fn bounds(&self) -> Bounds {
+        self.bounds
+    }
+
+    /// Triangles that take part.
+    pub fn triangle_count(&self) -> u64 {
+        self.triangle_count
+    }
+
+    /// The device the buffers were made on is gone.
+    pub fn lose_buffers(&mut self) {
+        self.table.lose_buffer();
+        self.chunks.lose_buffer();
+        self.emissive_chunks.lose_buffer();
+        self.mark_where(|_| true);
+    }
+
+    fn insert(&mut self, source: ExtractedInstance, limit: u32) {
+        let entity = source.entity;
+        let slot = match self.by_entity.get(&entity) {
+            Some(&slot) => slot,
+            None => {
+                let Some(slot) = self.slots.allocate(limit) else {
+                    if !self.overflowed {
+                        self.overflowed = true;
+                        warn!("more than {limit} meshes: the rest takes no part in bounced light");
+                    }
+                    return;
+                };
+                self.by_entity.insert(entity, slot);
+                if self.records.len() <= slot as usize {
+                    self.records.resize_with(slot as usize + 1, || None);
+                }
+                slot
+            }
+        };
+        self.records[slot as usize] = Some(Record { source, bounds: Bounds::EMPTY, emits: false });
+        self.dirty.insert(slot);
+    }
+
+    fn remove(&mut self, entity: Entity) {
+        if let Some(slot) = self.by_entity.remove(&entity) {
+            self.records[slot as usize] = None;
+            self.slots.free(slot);
+            self.dirty.insert(slot);
+        }
+    }
+
+    fn mark_where(&mut self, changed: impl Fn(&ExtractedInstance) -> bool) {
+        for (slot, record) in (0u32..).zip(&self.records) {
+            if record.as_ref().is_some_and(|record| changed(&record.source)) {
+                self.dirty.insert(slot);
+            }
+        }
+    }
+
+    fn rebuild_chunks(&mut self) {
+        let with_emission = |emissive_only: bool| {
+            (0u32..)
+                .zip(self.table.values())
+                .zip(&self.records)
+                .filter(move |(_, record)| !emissive_only || record.as_ref().is_some_and(|record| record.emits))
+                .flat_map(|((slot, instance), _)| chunks_of(slot, instance.triangle_count))
+        };
+        self.chunks.replace(with_emission(false));
+        self.emissive_chunks.replace(with_emission(true));
+        self.triangle_count = self.table.values().iter().map(|instance| u64::from(instance.triangle_count)).sum();
+    }
+}
+
+fn chunks_of(instance: u32, triangle_count: u32) -> impl Iterator<Item = Chunk> {
+    (0..triangle_count).step_by(CHUNK_TRIANGLES as usize).map(move |first_triangle| Chunk { instance, first_triangle })
+}
+
+/// Whether a transform keeps what it moves in three dimensions, with numbers a GPU can take.
+fn is_sound(transform: &Affine3A) -> bool {
+    let determinant = transform.matrix3.determinant();
+    transform.is_finite() && determinant.is_finite() && determinant != 0.0
+}
+
+/// Follows what was extracted, and what instances refer to.
+pub(super) fn update_instances(
+    mut instances: ResMut<Instances>,
+    mut extracted: ResMut<ExtractedInstances>,
+    mut meshes: ResMut<Meshes>,
+    mut materials: ResMut<Materials>,
+    cameras: Res<SceneCameras>,
+    device: Res<RenderDevice>,
+) {
+    let instances = &mut *instances;
+    for entity in extracted.removed.drain(..) {
+        instances.remove(entity);
+    }
+    let limit = (buffer_limit(&device).0 / GpuTable::<Instance>::stride()) as u32;
+    // Slots go to new instances in the order of their entities, whatever the order of the query.
+    let (known, mut new): (Vec<_>, Vec<_>) =
+        extracted.changed.drain(..).partition(|source| instances.by_entity.contains_key(&source.entity));
+    new.sort_by_key(|source| source.entity);
+    for source in known.into_iter().chain(new) {
+        instances.insert(source, limit);
+    }
+
+    let (meshes, materials) = (meshes.take_changed(), materials.take_changed());
+    if !(meshes.is_empty() && materials.is_empty()) {
+        instances.mark_where(|source| meshes.contains(&source.mesh) || materials.contains(&source.material));
+    }
+    if instances.layers != cameras.layers {
+        instances.layers = cameras.layers.clone();
+        instances.mark_where(|_| true);
+    }
+}
+
+/// An instance as it takes part.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Resolved {
+    instance: Instance,
+    bounds: Bounds,
+    emits: bool,
+}
+
+/// Writes the instances that changed, and what is made from all of them.
+pub(super) fn resolve_instances(mut instances: ResMut<Instances>, meshes: Res<Meshes>, materials: Res<Materials>) {
+    let instances = &mut *instances;
+    if instances.dirty.is_empty() {
+        return;
+    }
+    let mut chunks_changed = false;
+    for slot in std::mem::take(&mut instances.dirty) {
+        let index = slot as usize;
+        let before = instances.table.values().get(index).map_or(0, |instance| instance.triangle_count);
+        let source = instances.records[index].as_ref().map(|record| &record.source);
+        if source.is_some_and(|source| !source.transform.is_finite()) && !instances.warned_transform {
+            instances.warned_transform = true;
+            warn!("a mesh whose transform is not finite takes no part in bounced light");
+        }
+        let resolved =
+            source.and_then(|source| resolve(source, &instances.layers, &meshes, &materials)).unwrap_or_default();
+        chunks_changed |= before != resolved.instance.triangle_count;
+        instances.table.set(index, resolved.instance);
+        if let Some(record) = &mut instances.records[index] {
+            chunks_changed |= record.emits != resolved.emits;
+            record.emits = resolved.emits;
+            record.bounds = resolved.bounds;
+        }
+    }
+    if chunks_changed {
+        instances.rebuild_chunks();
+    }
+    instances.bounds =
+        instances.records.iter().flatten().fold(Bounds::EMPTY, |bounds, record| bounds.union(&record.bounds));
+}
+
+/// `None` for an instance that takes no part; see the module.
+fn resolve(
+    source: &ExtractedInstance,
+    layers: &RenderLayers,
+    meshes: &Meshes,
+    materials: &Materials,
+) -> Option<Resolved> {
+    if !source.enabled || !source.layers.intersects(layers) || !is_sound(&source.transform) {
+        return None;
+    }
+    let mesh = meshes.get(source.mesh)?;
+    let material = materials.class(source.material).filter(|material| material.present)?;
+    let bounds = mesh.bounds.transformed(&source.transform);
+    if !(bounds.min.is_finite() && bounds.max.is_finite()) {
+        return None;
+    }
+    let (matrix, offset) = (source.transform.matrix3, source.transform.translation);
+    let row = |i: usize| Vec4::new(matrix.x_axis[i], matrix.y_axis[i], matrix.z_axis[i], offset[i]);
+    let flag = |set: bool, flag: u32| if set { flag } else { 0 };
+    let instance = Instance {
+        world_from_local_x: row(0),
+        world_from_local_y: row(1),
+        world_from_local_z: row(2),
+        index_offset: mesh.index_offset,
+        triangle_count: mesh.triangle_count,
+        vertex_offset: mesh.vertex_offset,
+        deformed_offset: NONE,
+        material: material.slot,
+        flags: flag(source.two_sided.unwrap_or(material.two_sided), INSTANCE_TWO_SIDED)
+            | flag(material.flipped, INSTANCE_FLIPPED),
+        albedo_override: source.albedo_override,
+        padding: 0,
+    };
+    Some(Resolved { instance, bounds, emits: material.emits })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chunks_cover_every_triangle_once() {
+        let starts =
+            |count| chunks_of(3, count).map(|chunk| (chunk.instance, chunk.first_triangle)).collect::<Vec<_>>();
+        assert_eq!(starts(0), []);
+        assert_eq!(starts(64), [(3, 0)]);
+        assert_eq!(starts(130), [(3, 0), (3, 64), (3, 128)]);
+    }
+
+    #[test]
+    fn transforms_that_flatten_or_break_are_not_sound() {
+        assert!(is_sound(&Affine3A::from_scale(Vec3::new(-1.0, 2.0, 1e-3))));
+        for scale in [Vec3::ZERO, Vec3::new(1.0, 0.0, 1.0), Vec3::NAN, Vec3::splat(f32::INFINITY), Vec3::splat(1e30)] {
+            assert!(!is_sound(&Affine3A::from_scale(scale)), "{scale}");
+        }
+        assert!(!is_sound(&Affine3A::from_translation(Vec3::new(0.0, f32::NAN, 0.0))));
+    }
+}

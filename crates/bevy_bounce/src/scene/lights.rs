@@ -1,0 +1,223 @@
+//! Point, spot and directional lights, with Bevy's units, cones and ranges.
+//!
+//! A light takes part while its `InheritedVisibility` is true and a camera with global illumination shares a layer with
+//! it, in view or not. Lights without output, `GiLight::OFF` ones and those with values that are not finite are left out.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+
+use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
+use bevy::light::{DirectionalLight, PointLight, SpotLight};
+use bevy::prelude::*;
+use bevy::render::Extract;
+use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
+
+use super::GiLight;
+use super::bounds::Bounds;
+use super::extract::SceneCameras;
+use super::instances::Instances;
+use super::table::GpuTable;
+
+/// Weights of linear sRGB in luminance. ITU-R BT.709.
+const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
+
+/// A light as the GPU sees it, but for the running sum of the powers.
+#[derive(Clone, Copy, Debug)]
+struct ExtractedLight {
+    light: Light,
+    share: f32,
+}
+
+/// The lights of this frame, in the order of their entities.
+#[derive(Resource, Default)]
+pub(super) struct ExtractedLights {
+    lights: Vec<(Entity, ExtractedLight)>,
+}
+
+type Common =
+    (&'static GlobalTransform, &'static InheritedVisibility, Option<&'static GiLight>, Option<&'static RenderLayers>);
+
+/// Reads all lights; they are few.
+pub(super) fn extract_lights(
+    mut extracted: ResMut<ExtractedLights>,
+    cameras: Res<SceneCameras>,
+    points: Extract<Query<(Entity, &PointLight, Common)>>,
+    spots: Extract<Query<(Entity, &SpotLight, Common)>>,
+    directionals: Extract<Query<(Entity, &DirectionalLight, Common)>>,
+) {
+    let lights = &mut extracted.lights;
+    lights.clear();
+    if !cameras.active {
+        return;
+    }
+    let mut add = |entity: Entity, common: <Common as bevy::ecs::query::QueryData>::Item<'_, '_>, light: Light| {
+        let (transform, visibility, gi, layers) = common;
+        if !visibility.get() || !cameras.layers.intersects(layers.unwrap_or_default()) {
+            return;
+        }
+        if let Some(light) = placed(light, transform, gi.copied().unwrap_or_default()) {
+            lights.push((entity, light));
+        }
+    };
+    for (entity, light, common) in &points {
+        add(entity, common, point_light(light));
+    }
+    for (entity, light, common) in &spots {
+        add(entity, common, spot_light(light));
+    }
+    for (entity, light, common) in &directionals {
+        add(entity, common, directional_light(light));
+    }
+    lights.sort_by_key(|(entity, _)| *entity);
+}
+
+/// bevy_pbr's `extract_lights`: candela are lumens over 4 pi.
+fn point_light(light: &PointLight) -> Light {
+    Light {
+        kind: LIGHT_POINT,
+        color: light.color.to_linear().to_vec3() * light.intensity / (4.0 * PI),
+        range: range(light.range),
+        ..default()
+    }
+}
+
+/// On the GPU 0 is no limit, and a square must not overflow; a range of 0 reaches nothing, hence -1.
+fn range(range: f32) -> f32 {
+    if range <= 0.0 {
+        -1.0
+    } else if range > 1e18 {
+        0.0
+    } else {
+        range
+    }
+}
+
+/// As a point light: Bevy divides by 4 pi here too, whatever the cone. Cone as bevy_pbr's `prepare_lights`.
+fn spot_light(light: &SpotLight) -> Light {
+    let outer = if light.outer_angle >= FRAC_PI_2 { FRAC_PI_2 - 1e-4 } else { light.outer_angle };
+    let inner = light.inner_angle.min(outer);
+    let cos_outer = outer.cos();
+    let scale = 1.0 / (inner.cos() - cos_outer).max(1e-4);
+    Light {
+        kind: LIGHT_SPOT,
+        color: light.color.to_linear().to_vec3() * light.intensity / (4.0 * PI),
+        range: range(light.range),
+        spot_scale: scale,
+        spot_offset: -cos_outer * scale,
+        spot_cos_outer: cos_outer,
+        ..default()
+    }
+}
+
+fn directional_light(light: &DirectionalLight) -> Light {
+    Light { kind: LIGHT_DIRECTIONAL, color: light.color.to_linear().to_vec3() * light.illuminance, ..default() }
+}
+
+/// The light where it stands; `None` if it gives no light, or none that could be computed.
+fn placed(mut light: Light, transform: &GlobalTransform, gi: GiLight) -> Option<ExtractedLight> {
+    light.position = transform.translation();
+    light.direction = transform.affine().transform_vector3(Vec3::NEG_Z).try_normalize().unwrap_or(Vec3::NEG_Y);
+    light.color = (light.color * gi.intensity).max(Vec3::ZERO);
+    light.max_bounces = gi.bounces;
+    let shines = light.color.is_finite() && light.color.dot(LUMINANCE) > 0.0;
+    let placed = light.position.is_finite() && light.range >= 0.0;
+    let cone = light.spot_scale.is_finite() && light.spot_offset.is_finite();
+    let weighted = gi.share.is_finite() && gi.share > 0.0 && gi.bounces > 0;
+    (shines && placed && cone && weighted).then_some(ExtractedLight { light, share: gi.share })
+}
+
+/// Luminous flux by which paths are shared out, lumens: all of a point light's, a spot's within its cone as if it did not
+/// fall off, and what a directional light casts on the box of the scene.
+fn power(light: &Light, bounds: &Bounds) -> f32 {
+    let luminance = light.color.dot(LUMINANCE);
+    match light.kind {
+        LIGHT_POINT => luminance * 4.0 * PI,
+        LIGHT_SPOT => luminance * 2.0 * PI * (1.0 - light.spot_cos_outer),
+        _ => luminance * bounds.projected_area(light.direction),
+    }
+}
+
+/// The lights on the GPU.
+#[derive(Resource)]
+pub(super) struct Lights {
+    /// In the order of their entities.
+    pub table: GpuTable<Light>,
+    /// Sum of the powers, lumens.
+    pub power: f32,
+}
+
+impl Default for Lights {
+    fn default() -> Self {
+        Self { table: GpuTable::new("bounce_lights"), power: 0.0 }
+    }
+}
+
+/// Sums the powers up.
+pub(super) fn update_lights(mut lights: ResMut<Lights>, extracted: Res<ExtractedLights>, instances: Res<Instances>) {
+    let mut sum = 0.0;
+    let lights = &mut *lights;
+    lights.table.replace(extracted.lights.iter().filter_map(|(_, extracted)| {
+        let weight = power(&extracted.light, &instances.bounds()) * extracted.share;
+        let next = sum + weight;
+        if !(next.is_finite() && next > sum) {
+            return None;
+        }
+        sum = next;
+        Some(Light { cumulative_power: sum, ..extracted.light })
+    }));
+    lights.power = sum;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn attenuation(light: &Light, angle: f32) -> f32 {
+        let x = (angle.cos() * light.spot_scale + light.spot_offset).clamp(0.0, 1.0);
+        x * x
+    }
+
+    #[test]
+    fn cone_falls_from_inner_to_outer() {
+        let light = spot_light(&SpotLight { inner_angle: 0.3, outer_angle: 0.6, ..default() });
+        assert!((attenuation(&light, 0.299) - 1.0).abs() < 1e-4);
+        assert!(attenuation(&light, 0.601) < 1e-4);
+        assert!((0.05..0.95).contains(&attenuation(&light, 0.45)));
+    }
+
+    #[test]
+    fn a_cone_of_no_width_is_sharp_and_finite() {
+        let light = spot_light(&SpotLight { inner_angle: 0.5, outer_angle: 0.5, ..default() });
+        assert!(light.spot_scale.is_finite() && attenuation(&light, 0.51) == 0.0 && attenuation(&light, 0.48) == 1.0);
+        let wide = spot_light(&SpotLight { inner_angle: 3.0, outer_angle: 2.0, ..default() });
+        assert!(wide.spot_cos_outer > 0.0 && wide.spot_cos_outer < 1e-3);
+    }
+
+    #[test]
+    fn power_of_each_kind() {
+        let bounds = Bounds { min: Vec3::ZERO, max: Vec3::new(2.0, 3.0, 5.0) };
+        let white = Color::WHITE;
+        let point = point_light(&PointLight { color: white, intensity: 800.0, ..default() });
+        assert!((power(&point, &bounds) - 800.0).abs() < 0.01);
+        let spot = SpotLight { color: white, intensity: 800.0, outer_angle: PI / 3.0, ..default() };
+        assert!((power(&spot_light(&spot), &bounds) - 200.0).abs() < 0.01);
+        let sun = directional_light(&DirectionalLight { color: white, illuminance: 100.0, ..default() });
+        let sun = Light { direction: Vec3::NEG_Y, ..sun };
+        assert!((power(&sun, &bounds) - 1000.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn lights_that_give_nothing_are_left_out() {
+        let here = GlobalTransform::IDENTITY;
+        let light = point_light(&PointLight::default());
+        assert!(placed(light, &here, GiLight::default()).is_some());
+        assert!(placed(light, &here, GiLight::OFF).is_none());
+        assert!(placed(light, &GlobalTransform::from_xyz(f32::NAN, 0.0, 0.0), GiLight::default()).is_none());
+        assert!(placed(point_light(&PointLight { range: 0.0, ..default() }), &here, GiLight::default()).is_none());
+        assert!(
+            placed(point_light(&PointLight { range: f32::INFINITY, ..default() }), &here, GiLight::default()).is_some()
+        );
+        assert!(placed(Light { color: Vec3::INFINITY, ..light }, &here, GiLight::default()).is_none());
+        let zero_scale = GlobalTransform::from_scale(Vec3::ZERO);
+        assert!(placed(light, &zero_scale, GiLight::default()).is_some_and(|l| l.light.direction == Vec3::NEG_Y));
+    }
+}

@@ -1,0 +1,259 @@
+//! What bounced light needs to know of a `StandardMaterial`.
+//!
+//! - Diffuse albedo is base colour times 1 - metallic, as in Bevy's lighting, times 1 - diffuse transmission.
+//! - Blended, additive, multiplied and premultiplied surfaces, and those that transmit specularly (glass), are not there:
+//!   light passes them. Masked surfaces are there where alpha reaches their cutoff; alpha to coverage cuts at 0.5.
+//! - Unlit surfaces are as bright as their base colour whatever shines on them: they neither reflect nor emit, and block.
+//! - Emission is what is seen: Bevy shows it without exposure but for `emissive_exposure_weight`, so that its radiance is
+//!   `emissive * mix(1 / exposure, 1, weight)` cd/m^2, by the exposure of the first camera with global illumination.
+//! - Both sides reflect where `double_sided` is set or nothing is culled; `Face::Front` culled turns the surface round.
+//! - Vertex colours and second UV sets are not looked at.
+
+use bevy::math::{Affine2, Vec3, Vec4};
+use bevy::pbr::StandardMaterial;
+use bevy::platform::collections::{HashMap, HashSet};
+use bevy::prelude::*;
+use bevy::render::render_resource::Face;
+use bevy_bounce_shaders::types::{Material, NONE};
+
+use super::allocator::SlotAllocator;
+use super::extract::{ExtractedMaterials, SceneCameras};
+use super::table::{GpuTable, buffer_limit};
+use bevy::render::renderer::RenderDevice;
+
+/// The part of a `StandardMaterial` that counts.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Surface {
+    /// Linear; alpha as in the material.
+    base_color: Vec4,
+    base_color_texture: Option<AssetId<Image>>,
+    metallic: f32,
+    metallic_texture: Option<AssetId<Image>>,
+    emissive: Vec3,
+    emissive_exposure_weight: f32,
+    emissive_texture: Option<AssetId<Image>>,
+    uv_transform: Affine2,
+    alpha_cutoff: f32,
+    /// Light passes it.
+    transparent: bool,
+    two_sided: bool,
+    /// Its front is where the winding is clockwise.
+    flipped: bool,
+}
+
+impl Surface {
+    /// See the module.
+    pub fn of(material: &StandardMaterial) -> Self {
+        let finite = |x: f32| if x.is_finite() { x } else { 0.0 };
+        let unit = |x: f32| finite(x).clamp(0.0, 1.0);
+        let base_color = material.base_color.to_linear().to_f32_array().map(unit);
+        let alpha_cutoff = match material.alpha_mode {
+            AlphaMode::Mask(cutoff) => unit(cutoff),
+            AlphaMode::AlphaToCoverage => 0.5,
+            _ => 0.0,
+        };
+        let transparent = material.specular_transmission > 0.0
+            || !matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage);
+        let albedo_scale = if material.unlit { 0.0 } else { 1.0 - unit(material.diffuse_transmission) };
+        let emissive_scale = if material.unlit { 0.0 } else { 1.0 };
+        Self {
+            base_color: Vec4::from_array(base_color) * Vec3::splat(albedo_scale).extend(1.0),
+            base_color_texture: material.base_color_texture.as_ref().map(Handle::id),
+            metallic: unit(material.metallic),
+            metallic_texture: material.metallic_roughness_texture.as_ref().map(Handle::id),
+            emissive: Vec3::from(material.emissive.to_f32_array_no_alpha().map(|x| finite(x).max(0.0)))
+                * emissive_scale,
+            emissive_exposure_weight: unit(material.emissive_exposure_weight),
+            emissive_texture: material.emissive_texture.as_ref().map(Handle::id),
+            uv_transform: if material.uv_transform.is_finite() { material.uv_transform } else { Affine2::IDENTITY },
+            alpha_cutoff,
+            transparent,
+            two_sided: material.double_sided || material.cull_mode.is_none(),
+            flipped: material.cull_mode == Some(Face::Front),
+        }
+    }
+
+    fn to_gpu(&self, exposure: f32) -> Material {
+        let weight = self.emissive_exposure_weight;
+        let row = |x: f32, y: f32, offset: f32| Vec4::new(x, y, offset, 0.0);
+        let uv = self.uv_transform;
+        Material {
+            albedo: self.base_color * Vec3::splat(1.0 - self.metallic).extend(1.0),
+            emissive: (self.emissive * ((1.0 - weight) / exposure + weight)).min(Vec3::splat(f32::MAX)),
+            alpha_cutoff: self.alpha_cutoff,
+            uv_x: row(uv.matrix2.x_axis.x, uv.matrix2.y_axis.x, uv.translation.x),
+            uv_y: row(uv.matrix2.x_axis.y, uv.matrix2.y_axis.y, uv.translation.y),
+            albedo_thumbnail: NONE,
+            emissive_thumbnail: NONE,
+            padding_a: 0,
+            padding_b: 0,
+        }
+    }
+}
+
+/// What an instance takes from its material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct MaterialClass {
+    /// Index into the materials.
+    pub slot: u32,
+    /// Stops light, and has all its images.
+    pub present: bool,
+    /// Reflects on both sides.
+    pub two_sided: bool,
+    /// Its front is where the winding is clockwise.
+    pub flipped: bool,
+    /// Shines by itself.
+    pub emits: bool,
+}
+
+struct Record {
+    surface: Surface,
+    class: MaterialClass,
+}
+
+/// All materials, used or not.
+#[derive(Resource)]
+pub(super) struct Materials {
+    /// By slot.
+    pub table: GpuTable<Material>,
+    slots: SlotAllocator,
+    records: HashMap<AssetId<StandardMaterial>, Record>,
+    exposure: f32,
+    changed: HashSet<AssetId<StandardMaterial>>,
+}
+
+impl Default for Materials {
+    fn default() -> Self {
+        Self {
+            table: GpuTable::new("bounce_materials"),
+            slots: SlotAllocator::default(),
+            records: HashMap::default(),
+            exposure: 1.0,
+            changed: HashSet::default(),
+        }
+    }
+}
+
+impl Materials {
+    /// What an instance needs to know; `None` for a material that is not loaded.
+    pub fn class(&self, id: AssetId<StandardMaterial>) -> Option<MaterialClass> {
+        self.records.get(&id).map(|record| record.class)
+    }
+
+    /// Those whose class is another than at the last call.
+    pub fn take_changed(&mut self) -> HashSet<AssetId<StandardMaterial>> {
+        std::mem::take(&mut self.changed)
+    }
+
+    fn insert(&mut self, id: AssetId<StandardMaterial>, surface: Surface, limit: u32) {
+        let slot = match self.records.get(&id) {
+            Some(record) => Some(record.class.slot),
+            None => self.slots.allocate(limit),
+        };
+        let Some(slot) = slot else { return };
+        let class = MaterialClass {
+            slot,
+            present: !surface.transparent,
+            two_sided: surface.two_sided,
+            flipped: surface.flipped,
+            emits: surface.emissive != Vec3::ZERO,
+        };
+        self.table.set(slot as usize, surface.to_gpu(self.exposure));
+        if self.class(id) != Some(class) {
+            self.changed.insert(id);
+        }
+        self.records.insert(id, Record { surface, class });
+    }
+
+    fn remove(&mut self, id: AssetId<StandardMaterial>) {
+        if let Some(record) = self.records.remove(&id) {
+            self.slots.free(record.class.slot);
+            self.changed.insert(id);
+        }
+    }
+}
+
+/// Follows the materials and the exposure.
+pub(super) fn update_materials(
+    mut materials: ResMut<Materials>,
+    mut extracted: ResMut<ExtractedMaterials>,
+    cameras: Res<SceneCameras>,
+    device: Res<RenderDevice>,
+) {
+    let materials = &mut *materials;
+    let limit = (buffer_limit(&device).0 / GpuTable::<Material>::stride()) as u32;
+    if materials.exposure != cameras.exposure {
+        materials.exposure = cameras.exposure;
+        for record in materials.records.values() {
+            materials.table.set(record.class.slot as usize, record.surface.to_gpu(cameras.exposure));
+        }
+    }
+    for (id, surface) in extracted.changed.drain(..) {
+        match surface {
+            Some(surface) => materials.insert(id, surface, limit),
+            None => materials.remove(id),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn gpu(material: StandardMaterial, exposure: f32) -> Material {
+        Surface::of(&material).to_gpu(exposure)
+    }
+
+    #[test]
+    fn metals_have_no_diffuse_albedo() {
+        let material =
+            StandardMaterial { base_color: LinearRgba::rgb(0.5, 1.0, 0.25).into(), metallic: 0.5, ..default() };
+        assert!(gpu(material, 1.0).albedo.abs_diff_eq(Vec4::new(0.25, 0.5, 0.125, 1.0), 1e-6));
+    }
+
+    #[test]
+    fn emission_is_what_is_seen() {
+        let lamp = |weight| StandardMaterial {
+            emissive: LinearRgba::rgb(8.0, 4.0, 0.0),
+            emissive_exposure_weight: weight,
+            ..default()
+        };
+        assert_eq!(gpu(lamp(0.0), 0.5).emissive, Vec3::new(16.0, 8.0, 0.0));
+        assert_eq!(gpu(lamp(1.0), 0.5).emissive, Vec3::new(8.0, 4.0, 0.0));
+        assert_eq!(gpu(lamp(0.5), 0.5).emissive, Vec3::new(12.0, 6.0, 0.0));
+        let unlit = StandardMaterial { unlit: true, ..lamp(0.0) };
+        assert_eq!((gpu(unlit.clone(), 1.0).emissive, gpu(unlit, 1.0).albedo), (Vec3::ZERO, Vec4::W));
+    }
+
+    #[test]
+    fn light_passes_what_is_blended() {
+        let passes = |alpha_mode| Surface::of(&StandardMaterial { alpha_mode, ..default() }).transparent;
+        assert!(
+            [AlphaMode::Blend, AlphaMode::Add, AlphaMode::Multiply, AlphaMode::Premultiplied].map(passes) == [true; 4]
+        );
+        assert!(![AlphaMode::Opaque, AlphaMode::Mask(0.3), AlphaMode::AlphaToCoverage].into_iter().any(passes));
+    }
+
+    #[test]
+    fn uv_rows_are_the_transform() {
+        let uv_transform = Affine2::from_scale_angle_translation(Vec2::new(2.0, 3.0), 0.4, Vec2::new(0.1, 0.2));
+        let material = gpu(StandardMaterial { uv_transform, ..default() }, 1.0);
+        let uv = Vec3::new(0.3, 0.7, 1.0);
+        let found = Vec2::new(material.uv_x.truncate().dot(uv), material.uv_y.truncate().dot(uv));
+        assert!(found.abs_diff_eq(uv_transform.transform_point2(uv.truncate()), 1e-6));
+    }
+
+    #[test]
+    fn nothing_that_is_not_finite_gets_through() {
+        let material = StandardMaterial {
+            base_color: LinearRgba::rgb(f32::NAN, 2.0, -1.0).into(),
+            emissive: LinearRgba::rgb(f32::INFINITY, f32::NAN, 1.0),
+            metallic: f32::NAN,
+            uv_transform: Affine2::from_scale(Vec2::NAN),
+            ..default()
+        };
+        let material = gpu(material, 1e-30);
+        assert_eq!(material.albedo, Vec4::new(0.0, 1.0, 0.0, 1.0));
+        assert!(material.emissive.is_finite() && material.uv_x == Vec4::X);
+    }
+}

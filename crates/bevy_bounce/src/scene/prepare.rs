@@ -1,0 +1,179 @@
+//! Uploads what changed, and hands out the buffers.
+
+use bevy::math::bounding::Aabb3d;
+use bevy::prelude::*;
+use bevy::render::render_resource::{BindingResource, Buffer, BufferDescriptor, UniformBuffer};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy_bounce_shaders::types::Scene;
+
+use super::bounds::Bounds;
+use super::instances::Instances;
+use super::lights::Lights;
+use super::materials::Materials;
+use super::meshes::{Geometry, Meshes};
+use super::table::STORAGE_USAGES;
+
+/// The scene on the GPU, the same for every camera. Written in `GiSystems::PrepareScene`; every buffer can be bound at any
+/// time, and is a new one after growth: bind groups last as long as [`SceneBuffers::generation`] stays.
+#[derive(Resource)]
+pub(crate) struct SceneBuffers {
+    /// `array<u32>`: vertices, indices, deformed vertices. See `types.rs`.
+    pub geometry: Buffer,
+    /// `array<Instance>`, by slot; free ones have no triangles.
+    pub instances: Buffer,
+    /// `array<Chunk>`: `chunk_count` of them cover all triangles.
+    pub chunks: Buffer,
+    /// `array<Chunk>`: `emissive_chunk_count` of them cover the triangles that shine.
+    pub emissive_chunks: Buffer,
+    /// `array<Material>`.
+    pub materials: Buffer,
+    /// `array<u32>`: 16 x 16 texels each.
+    pub thumbnails: Buffer,
+    /// `array<Light>`: `light_count` of them.
+    pub lights: Buffer,
+    uniform: UniformBuffer<Scene>,
+    bounds: Bounds,
+    triangle_count: u64,
+    generation: u64,
+}
+
+impl SceneBuffers {
+    fn new(device: &RenderDevice, geometry: &Geometry) -> Self {
+        let placeholder = || {
+            device.create_buffer(&BufferDescriptor {
+                label: Some("bounce_nothing"),
+                size: 256,
+                usage: STORAGE_USAGES,
+                mapped_at_creation: false,
+            })
+        };
+        Self {
+            geometry: geometry.buffer.clone(),
+            instances: placeholder(),
+            chunks: placeholder(),
+            emissive_chunks: placeholder(),
+            materials: placeholder(),
+            thumbnails: placeholder(),
+            lights: placeholder(),
+            uniform: UniformBuffer::default(),
+            bounds: Bounds::EMPTY,
+            triangle_count: 0,
+            generation: 0,
+        }
+    }
+
+    /// Uniform `Scene`: sizes and bounds; there from the first frame on.
+    pub fn uniform(&self) -> Option<BindingResource<'_>> {
+        self.uniform.binding()
+    }
+
+    /// Box of all that takes part; `None` without anything.
+    pub fn bounds(&self) -> Option<Aabb3d> {
+        (!self.bounds.is_empty()).then(|| Aabb3d { min: self.bounds.min.into(), max: self.bounds.max.into() })
+    }
+
+    /// Chunks of all instances.
+    pub fn chunk_count(&self) -> u32 {
+        self.uniform.get().chunk_count
+    }
+
+    /// Chunks of those that shine.
+    pub fn emissive_chunk_count(&self) -> u32 {
+        self.uniform.get().emissive_chunk_count
+    }
+
+    /// Triangles that take part.
+    pub fn triangle_count(&self) -> u64 {
+        self.triangle_count
+    }
+
+    /// Lights that take part.
+    pub fn light_count(&self) -> u32 {
+        self.uniform.get().light_count
+    }
+
+    /// Another one whenever a buffer is a new one.
+    pub fn generation(&self) -> u64 {
+        self.generation
+    }
+
+    /// What each buffer holds on the GPU, bytes.
+    pub fn bytes(&self) -> Vec<(&'static str, u64)> {
+        vec![
+            ("scene: geometry", self.geometry.size()),
+            ("scene: instances", self.instances.size()),
+            ("scene: chunks", self.chunks.size() + self.emissive_chunks.size()),
+            ("scene: materials", self.materials.size()),
+            ("scene: thumbnails", self.thumbnails.size()),
+            ("scene: lights", self.lights.size()),
+        ]
+    }
+}
+
+/// Buffers on a device that is new: at start, and after the old one was lost.
+pub(super) fn init_scene(
+    mut commands: Commands,
+    device: Res<RenderDevice>,
+    mut instances: ResMut<Instances>,
+    mut materials: ResMut<Materials>,
+    mut lights: ResMut<Lights>,
+) {
+    instances.lose_buffers();
+    materials.table.lose_buffer();
+    lights.table.lose_buffer();
+    let geometry = Geometry::new(&device);
+    commands.insert_resource(SceneBuffers::new(&device, &geometry));
+    commands.insert_resource(geometry);
+    commands.insert_resource(Meshes::default());
+}
+
+/// Uploads the tables and the sizes.
+pub(super) fn upload_scene(
+    mut buffers: ResMut<SceneBuffers>,
+    mut instances: ResMut<Instances>,
+    mut materials: ResMut<Materials>,
+    mut lights: ResMut<Lights>,
+    geometry: Res<Geometry>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    let (buffers, instances) = (&mut *buffers, &mut *instances);
+    let mut generation = buffers.generation;
+    let mut follow = |held: &mut Buffer, current: Option<&Buffer>| {
+        if let Some(current) = current.filter(|current| current.id() != held.id()) {
+            *held = current.clone();
+            generation += 1;
+        }
+    };
+    macro_rules! upload {
+        ($table:expr, $buffer:expr) => {
+            $table.upload(&device, &queue);
+            follow(&mut $buffer, $table.buffer());
+        };
+    }
+    upload!(instances.table, buffers.instances);
+    upload!(instances.chunks, buffers.chunks);
+    upload!(instances.emissive_chunks, buffers.emissive_chunks);
+    upload!(materials.table, buffers.materials);
+    upload!(lights.table, buffers.lights);
+    follow(&mut buffers.geometry, Some(&geometry.buffer));
+    buffers.generation = generation;
+
+    buffers.bounds = instances.bounds();
+    buffers.triangle_count = instances.triangle_count();
+    let bounds = if buffers.bounds.is_empty() { Bounds { min: Vec3::ZERO, max: Vec3::ZERO } } else { buffers.bounds };
+    let scene = Scene {
+        bounds_min: bounds.min,
+        light_count: lights.table.values().len() as u32,
+        bounds_max: bounds.max,
+        light_power: lights.power,
+        chunk_count: instances.chunks.values().len() as u32,
+        emissive_chunk_count: instances.emissive_chunks.values().len() as u32,
+        padding_a: 0,
+        padding_b: 0,
+    };
+    if *buffers.uniform.get() != scene || buffers.uniform.buffer().is_none() {
+        buffers.uniform.set(scene);
+        buffers.uniform.write_buffer(&device, &queue);
+    }
+}

@@ -1,0 +1,92 @@
+// The scene on the GPU: structs as in types.rs, and what is computed from them alone.
+
+#define_import_path bevy_bounce::shared::scene
+
+/// No such offset or index.
+const NONE: u32 = 0xffffffffu;
+/// Triangles of a chunk.
+const CHUNK_TRIANGLES: u32 = 64u;
+/// Words of a vertex: position (3 f32, local), UV (2 f16).
+const VERTEX_WORDS: u32 = 4u;
+/// Words of a vertex's skin: 4 joints (u16), 4 weights (unorm16).
+const SKIN_WORDS: u32 = 4u;
+/// Words of a deformed vertex: world-space position (3 f32).
+const DEFORMED_WORDS: u32 = 3u;
+/// Edge of a thumbnail, in texels.
+const THUMBNAIL_SIZE: u32 = 16u;
+/// Reflects on both sides.
+const INSTANCE_TWO_SIDED: u32 = 1u;
+/// The side seen is the one with clockwise winding.
+const INSTANCE_FLIPPED: u32 = 2u;
+const LIGHT_POINT: u32 = 0u;
+const LIGHT_SPOT: u32 = 1u;
+const LIGHT_DIRECTIONAL: u32 = 2u;
+
+struct Instance {
+    world_from_local_x: vec4<f32>,
+    world_from_local_y: vec4<f32>,
+    world_from_local_z: vec4<f32>,
+    index_offset: u32,
+    triangle_count: u32,
+    vertex_offset: u32,
+    deformed_offset: u32,
+    material: u32,
+    flags: u32,
+    albedo_override: u32,
+    padding: u32,
+}
+
+struct Chunk {
+    instance: u32,
+    first_triangle: u32,
+}
+
+struct Material {
+    albedo: vec4<f32>,
+    emissive: vec3<f32>,
+    alpha_cutoff: f32,
+    uv_x: vec4<f32>,
+    uv_y: vec4<f32>,
+    albedo_thumbnail: u32,
+    emissive_thumbnail: u32,
+    padding_a: u32,
+    padding_b: u32,
+}
+
+struct Light {
+    position: vec3<f32>,
+    kind: u32,
+    direction: vec3<f32>,
+    range: f32,
+    color: vec3<f32>,
+    cumulative_power: f32,
+    spot_scale: f32,
+    spot_offset: f32,
+    spot_cos_outer: f32,
+    max_bounces: u32,
+}
+
+struct Scene {
+    bounds_min: vec3<f32>,
+    light_count: u32,
+    bounds_max: vec3<f32>,
+    light_power: f32,
+    chunk_count: u32,
+    emissive_chunk_count: u32,
+    padding_a: u32,
+    padding_b: u32,
+}
+
+/// Where a mesh's UV falls in the material's textures.
+fn material_uv(material: Material, uv: vec2<f32>) -> vec2<f32> {
+    return vec2<f32>(
+        dot(material.uv_x.xy, uv) + material.uv_x.z,
+        dot(material.uv_y.xy, uv) + material.uv_y.z,
+    );
+}
+
+/// Word of a thumbnail that holds the nearest texel; textures repeat.
+fn thumbnail_texel(uv: vec2<f32>) -> u32 {
+    let texel = min(vec2<u32>(fract(uv) * f32(THUMBNAIL_SIZE)), vec2<u32>(THUMBNAIL_SIZE - 1u));
+    return texel.y * THUMBNAIL_SIZE + texel.x;
+}
