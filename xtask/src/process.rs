@@ -31,9 +31,17 @@ pub fn cargo<S: AsRef<std::ffi::OsStr>>(args: impl IntoIterator<Item = S>) -> Co
 }
 
 /// On Linux Vulkan alone unless the user says otherwise, so that a run does not depend on which backend answers first.
+///
+/// Where no desktop runs, Mesa's device-select layer, which would look for one and complain, stays out.
 pub fn graphics(command: &mut Command) {
-    if cfg!(target_os = "linux") && env::var_os("WGPU_BACKEND").is_none() {
+    if !cfg!(target_os = "linux") {
+        return;
+    }
+    if env::var_os("WGPU_BACKEND").is_none() {
         command.env("WGPU_BACKEND", "vulkan");
+    }
+    if env::var_os("XDG_RUNTIME_DIR").is_none() {
+        command.env("NODEVICE_SELECT", "1");
     }
 }
 
