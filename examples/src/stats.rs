@@ -15,7 +15,7 @@ use crate::{Error, Run};
 /// Writes adapter, sizes, frame times and stage times.
 ///
 /// `frame_ms` is the wall time of a whole frame, submitted and finished. `stages` are this project's, `engine` is what
-/// Bevy itself measures; both are medians, `null` where the adapter has no timestamps.
+/// Bevy itself measures; both with median and 95th percentile, `null` where the adapter has no timestamps.
 pub fn write(app: &mut App, run: &Run, times: &[Duration], path: &Path) -> Result<(), Error> {
     let millis: Vec<f64> = times.iter().map(|time| time.as_secs_f64() * 1e3).collect();
     let (stages, engine) = stages(app);
@@ -69,23 +69,23 @@ fn gpu_bytes(_app: &App) -> (u64, BTreeMap<String, u64>) {
     (by_name.values().sum(), by_name)
 }
 
-/// Medians by stage: this project's, and the engine's.
+/// Times by stage: this project's, and the engine's.
 fn stages(app: &App) -> (BTreeMap<String, Value>, BTreeMap<String, Value>) {
     let (mut ours, mut engine) = (BTreeMap::new(), BTreeMap::new());
     let Some(diagnostics) = app.world().get_resource::<DiagnosticsStore>() else { return (ours, engine) };
-    let median = |diagnostic: Option<&Diagnostic>| {
-        percentile(
-            &diagnostic.map(|diagnostic| diagnostic.values().copied().collect::<Vec<_>>()).unwrap_or_default(),
-            0.5,
-        )
+    let values = |diagnostic: Option<&Diagnostic>| -> Vec<f64> {
+        diagnostic.map(|diagnostic| diagnostic.values().copied().collect()).unwrap_or_default()
     };
     let find = |path: String| diagnostics.iter().find(|diagnostic| diagnostic.path().as_str() == path);
     for diagnostic in diagnostics.iter() {
         let Some(path) = diagnostic.path().as_str().strip_suffix("/elapsed_cpu") else { continue };
         let Some(name) = path.strip_prefix("render/") else { continue };
+        let (gpu, cpu) = (values(find(format!("{path}/elapsed_gpu"))), values(Some(diagnostic)));
         let times = json!({
-            "gpu_ms": median(find(format!("{path}/elapsed_gpu"))),
-            "cpu_ms": median(Some(diagnostic)),
+            "gpu_ms": percentile(&gpu, 0.5),
+            "gpu_ms_p95": percentile(&gpu, 0.95),
+            "cpu_ms": percentile(&cpu, 0.5),
+            "cpu_ms_p95": percentile(&cpu, 0.95),
         });
         match name.strip_prefix("bounce/") {
             Some(stage) => ours.insert(stage.to_owned(), times),
