@@ -21,7 +21,7 @@
 
 /// Voxels. A ray that enters a voxel behind the plane by less than this has met it all the same: the planes of neighbouring
 /// voxels need not meet on a curved surface.
-const THICKNESS: f32 = 0.5;
+const THICKNESS: f32 = 0.0;
 /// Voxels by which the bounds of a voxel's surfaces are widened, for the same reason.
 const BOUNDS_SLACK: f32 = 0.05;
 /// Voxels around an end of a ray within which surfaces that look the same way are the one it stands on.
