@@ -9,6 +9,7 @@
 //! | [`picture`], [`metrics`], [`flip`] | pictures and how far apart they are |
 //! | [`references`] | where scenes and path-traced references are |
 //! | [`stats`] | chi-squared test |
+//! | [`twins`] | the shaders again, in plain Rust |
 //!
 //! The suites are in `tests/suite`. Environment: `BOUNCE_WEBGPU_LIMITS=1` runs every device with WebGPU's default limits
 //! and no optional feature; `BOUNCE_SHARED` names the folder with scenes and references; `BOUNCE_STRICT=1` fails where
@@ -23,3 +24,4 @@ pub mod picture;
 pub mod references;
 pub mod stats;
 pub mod translate;
+pub mod twins;

@@ -1,0 +1,6 @@
+//! All tests of bevy_bounce that need more than one crate: one binary, because each links Bevy.
+
+mod harness;
+mod metrics;
+mod octahedral;
+mod shaders;
