@@ -17,6 +17,11 @@ use bevy_bounce_shaders::SHADERS;
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga_oil::compose::{Composer, NagaModuleDescriptor, ShaderDefValue};
 
+/// What WGSL may use on every WebGPU device.
+const CAPABILITIES: Capabilities = Capabilities::MULTISAMPLED_SHADING
+    .union(Capabilities::CUBE_ARRAY_TEXTURES)
+    .union(Capabilities::SHADER_FLOAT16_IN_FLOAT32);
+
 /// A composed shader and what naga found out about it.
 #[derive(Clone)]
 pub struct Composed {
@@ -56,7 +61,7 @@ impl Library {
             let shader = Shader::from_wgsl(shader.source, format!("bevy_bounce/{}", shader.path));
             (shader.import_path.module_name().into_owned(), shader)
         });
-        let composer = Composer::default().with_capabilities(Capabilities::default());
+        let composer = Composer::default().with_capabilities(CAPABILITIES);
         Self { modules: ours.collect(), composer, has_bevy: false }
     }
 
@@ -73,7 +78,7 @@ impl Library {
             let report = error.emit_to_string(&self.composer);
             format!("{path} with {defs:?}:\n{report}")
         })?;
-        let info = Validator::new(ValidationFlags::all(), Capabilities::default())
+        let info = Validator::new(ValidationFlags::all(), CAPABILITIES)
             .validate(&module)
             .map_err(|error| format!("{path} with {defs:?}: {}", error.emit_to_string(source)))?;
         Ok(Composed { module, info })
@@ -119,6 +124,9 @@ fn bevy_shaders() -> Vec<Shader> {
             .set(WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() })
             .set(RenderPlugin { render_creation: RenderCreation::Automatic(Box::new(no_gpu)), ..default() }),
     );
+    // Some are only added here.
+    app.finish();
+    app.cleanup();
     // They are embedded, yet load as assets do: wait until no more have come for a while.
     let (mut loaded, mut since) = (0, Instant::now());
     while since.elapsed() < Duration::from_millis(500) {

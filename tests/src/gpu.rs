@@ -13,7 +13,7 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use std::sync::LazyLock;
+use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 
 use bevy::render::render_resource::encase::internal::{CreateFrom, WriteInto};
 use bevy::render::render_resource::encase::{StorageBuffer, UniformBuffer};
@@ -32,6 +32,9 @@ pub const NO_ADAPTER: &str = "no GPU adapter: install Mesa's software driver, e.
 pub struct Gpu {
     device: wgpu::Device,
     queue: wgpu::Queue,
+    kernels: Arc<Mutex<BTreeMap<String, Arc<Kernel>>>>,
+    /// Error scopes belong to the device, whichever thread opens them: one at a time.
+    scope: Arc<Mutex<()>>,
     /// Name of the adapter.
     pub adapter: String,
 }
@@ -65,7 +68,18 @@ impl Gpu {
             .request_device(&wgpu::DeviceDescriptor { required_limits, ..Default::default() })
             .await
             .map_err(|error| format!("{}: {error}", adapter.get_info().name))?;
-        Ok(Self { device, queue, adapter: adapter.get_info().name })
+        Ok(Self { device, queue, kernels: Arc::default(), scope: Arc::default(), adapter: adapter.get_info().name })
+    }
+
+    /// The kernel of that name, made on first use.
+    pub fn cached(&self, name: &str, make: impl FnOnce() -> Result<Kernel, String>) -> Result<Arc<Kernel>, String> {
+        let mut kernels = self.kernels.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kernel) = kernels.get(name) {
+            return Ok(kernel.clone());
+        }
+        let kernel = Arc::new(make()?);
+        kernels.insert(name.to_owned(), kernel.clone());
+        Ok(kernel)
     }
 
     /// Makes a pipeline of one entry point.
@@ -138,6 +152,7 @@ impl Gpu {
 
     /// Turns validation errors and lack of memory into a `Result`.
     fn checked<T>(&self, work: impl FnOnce() -> T) -> Result<T, String> {
+        let _alone = self.scope.lock().unwrap_or_else(PoisonError::into_inner);
         let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let result = work();

@@ -8,6 +8,7 @@
 //! | [`layout`] | memory layouts of the structs that Rust and WGSL share |
 //! | [`picture`], [`metrics`], [`flip`] | pictures and how far apart they are |
 //! | [`references`] | where scenes and path-traced references are |
+//! | [`scene`] | small scenes in the form that the shaders read |
 //! | [`stats`] | chi-squared test |
 //! | [`twins`] | the shaders again, in plain Rust |
 //!
@@ -22,6 +23,7 @@ pub mod layout;
 pub mod metrics;
 pub mod picture;
 pub mod references;
+pub mod scene;
 pub mod stats;
 pub mod translate;
 pub mod twins;

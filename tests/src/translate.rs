@@ -80,7 +80,11 @@ fn to_glsl(composed: &Composed, entry: Entry, version: glsl::Version) -> Result<
     let pipeline = glsl::PipelineOptions { shader_stage: entry.0, entry_point: entry.1.to_owned(), multiview: None };
     let (module, info) = without_overrides(composed, entry)?;
     // A check of the mip level needs textureQueryLevels, which GLSL ES lacks: wgpu leaves it out there.
-    let image_load = if options.version.is_es() { BoundsCheckPolicy::Unchecked } else { POLICIES.image_load };
+    let image_load = if matches!(version, glsl::Version::Embedded { .. }) {
+        BoundsCheckPolicy::Unchecked
+    } else {
+        POLICIES.image_load
+    };
     let policies = BoundsCheckPolicies { image_load, ..POLICIES };
     let mut text = String::new();
     glsl::Writer::new(&mut text, &module, &info, &options, &pipeline, policies)

@@ -6,7 +6,7 @@
 #import bevy_render::view::View
 
 @group(0) @binding(0) var<uniform> view: View;
-@group(0) @binding(1) var depth_texture: texture_depth_2d;
+@group(0) @binding(1) var depth_texture: texture_2d<f32>;
 @group(0) @binding(2) var deferred_texture: texture_2d<u32>;
 @group(0) @binding(3) var lighting_pass_id_texture: texture_2d<u32>;
 /// Bevy's `PbrDeferredLightingDepthId`: which deferred pixels are lit as standard materials.
@@ -24,7 +24,7 @@ fn pack(@builtin(global_invocation_id) id: vec3<u32>) {
     if textureLoad(lighting_pass_id_texture, pixel, 0).x == lighting_pass_id
         && (unpack_flags(normal_and_flags) & DEFERRED_FLAGS_UNLIT_BIT) == 0u {
         let normal = octahedral_decode(unpack_24bit_normal(normal_and_flags));
-        texel = pack_surface(textureLoad(depth_texture, pixel, 0), normal);
+        texel = pack_surface(textureLoad(depth_texture, pixel, 0).x, normal);
     }
     textureStore(surface, id.xy, vec4<u32>(texel, 0u, 0u));
 }

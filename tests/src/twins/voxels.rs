@@ -45,6 +45,27 @@ pub fn sampled(triangle: &Triangle, origin: Vec3, voxel_size: f32, steps: u32) -
     voxels
 }
 
+/// The voxels that the triangle comes nearer to than `slack` voxels, and perhaps a few more at their corners.
+pub fn near(triangle: &Triangle, origin: Vec3, voxel_size: f32, slack: f64) -> Vec<[i32; 3]> {
+    let local = triangle.map(|p| (p.as_dvec3() - origin.as_dvec3()) / f64::from(voxel_size));
+    let (low, high) = (local[0].min(local[1]).min(local[2]), local[0].max(local[1]).max(local[2]));
+    let range = |axis: usize| ((low[axis] - slack).floor() as i32)..=((high[axis] + slack).floor() as i32);
+    let widened = |polygon: &[DVec3], axis: usize, cell: i32| {
+        let lower = cut(polygon, |p| p[axis] - f64::from(cell) + slack);
+        cut(&lower, |p| f64::from(cell) + 1.0 + slack - p[axis])
+    };
+    let mut voxels = Vec::new();
+    for x in range(0) {
+        let slab = widened(&local, 0, x);
+        for y in range(1) {
+            let column = widened(&slab, 1, y);
+            let cells = range(2).filter(|&z| !widened(&column, 2, z).is_empty());
+            voxels.extend(cells.map(|z| [x, y, z]));
+        }
+    }
+    voxels
+}
+
 /// The part of a polygon between `cell` and `cell + 1` along an axis. Sutherland and Hodgman 1974.
 fn clip(polygon: &[DVec3], axis: usize, cell: i32) -> Vec<DVec3> {
     let lower = cut(polygon, |p| p[axis] - f64::from(cell));

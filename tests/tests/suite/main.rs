@@ -4,3 +4,4 @@ mod harness;
 mod metrics;
 mod octahedral;
 mod shaders;
+mod voxels;

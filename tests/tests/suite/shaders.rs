@@ -1,17 +1,39 @@
 //! Every shader of the crate: valid, within WebGPU's limits, known to every backend, of one mind with Rust.
 
+use std::collections::BTreeSet;
+
+use bevy::shader::ShaderDefVal;
 use bevy_bounce_shaders::SHADERS;
 use bevy_bounce_tests::compose::{Composed, compose};
 use bevy_bounce_tests::layout;
 use bevy_bounce_tests::translate::{Demand, translate_everywhere};
 
-/// Compute shaders and imported modules. Fragment shaders need the definitions of a view: see `pipelines`.
+/// Compute shaders and imported modules, each with every set of the definitions that it asks for. What reads Bevy's view
+/// bindings needs the definitions of a view: see `pipelines`.
 fn composed() -> impl Iterator<Item = (&'static str, Composed)> {
-    let alone = SHADERS.iter().filter(|shader| !shader.source.contains("@fragment"));
-    alone.map(|shader| match compose(shader.path, &[]) {
-        Ok(composed) => (shader.path, composed),
-        Err(error) => panic!("{error}"),
+    let alone = SHADERS.iter().filter(|shader| !shader.source.contains("mesh_view_bindings"));
+    let alone = alone.filter(|shader| !shader.source.contains("@fragment"));
+    alone.flat_map(|shader| {
+        variants(shader.source).into_iter().map(|defs| match compose(shader.path, &defs) {
+            Ok(composed) => (shader.path, composed),
+            Err(error) => panic!("{error}"),
+        })
     })
+}
+
+/// Every subset of the names that a shader tests for.
+fn variants(source: &str) -> Vec<Vec<ShaderDefVal>> {
+    let tested = source.lines().filter_map(|line| line.strip_prefix("#ifdef ").or(line.strip_prefix("#ifndef ")));
+    let names: BTreeSet<_> = tested.map(str::trim).collect();
+    let with = |mask: usize| names.iter().enumerate().filter(move |(i, _)| mask & 1 << i != 0);
+    (0..1 << names.len()).map(|mask| with(mask).map(|(_, name)| (*name).into()).collect()).collect()
+}
+
+#[test]
+fn variants_are_found() {
+    let accumulate: ShaderDefVal = "ACCUMULATE".into();
+    let source = bevy_bounce_shaders::shader("avg/voxelize.wgsl").expect("there is such a shader").source;
+    assert_eq!(variants(source), [vec![], vec![accumulate]]);
 }
 
 #[test]
@@ -47,13 +69,17 @@ fn every_compute_shader_is_within_webgpu_limits() {
 #[test]
 fn structs_lie_the_same_in_rust_and_wgsl() {
     let rust = layout::rust_layouts();
+    let mut seen = BTreeSet::new();
     for (path, composed) in composed() {
         for (name, wgsl) in layout::wgsl_layouts(&composed) {
             if let Some(rust) = rust.get(&name) {
                 assert_eq!(&wgsl, rust, "{name} in {path}");
+                seen.insert(name);
             }
         }
     }
+    let unseen: Vec<_> = rust.keys().filter(|name| !seen.contains(*name)).collect();
+    assert!(unseen.is_empty(), "structs of types.rs that no shader has: {unseen:?}");
 }
 
 #[test]

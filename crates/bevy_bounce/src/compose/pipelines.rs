@@ -7,7 +7,7 @@ use bevy::pbr::deferred::{DeferredLightingPipeline, PbrDeferredLightingDepthId, 
 use bevy::pbr::{MeshPipeline, MeshPipelineKey, MeshPipelineViewLayout, MeshPipelineViewLayoutKey, ViewKeyCache};
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
-    texture_2d, texture_2d_array, texture_depth_2d, texture_storage_2d, uniform_buffer,
+    texture_2d, texture_2d_array, texture_storage_2d, uniform_buffer,
 };
 use bevy::render::render_resource::{
     BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedPipelineState, CachedRenderPipelineId, ColorTargetState,
@@ -81,7 +81,8 @@ pub(super) fn init_compose_pipelines(
             entry: "pack",
             bindings: &[
                 uniform_buffer::<ViewUniform>(false),
-                texture_depth_2d(),
+                // Depth read as a float: naga has no GLSL for loads from a depth texture.
+                texture_2d(TextureSampleType::Float { filterable: false }),
                 texture_2d(TextureSampleType::Uint),
                 texture_2d(TextureSampleType::Uint),
                 uniform_buffer::<PbrDeferredLightingDepthId>(false),

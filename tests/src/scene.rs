@@ -1,0 +1,233 @@
+//! Small scenes in the form that the shaders read, built by hand: no app, no extraction.
+
+use bevy::math::{Affine3A, Mat3A, Vec2, Vec3, Vec4};
+use bevy_bounce_shaders::types::{
+    CHUNK_TRIANGLES, Cell, Chunk, Emitter, Grid, Instance, Light, Material, NONE, Scene, VERTEX_WORDS,
+};
+use half::f16;
+
+use crate::compose::compose;
+use crate::gpu::{Gpu, Kernel, Resources};
+use crate::twins::voxels::Triangle;
+
+/// Meshes, materials and lights as in `shared/scene.wgsl`.
+#[derive(Clone, Debug, Default)]
+pub struct TestScene {
+    /// Vertices and indices.
+    pub geometry: Vec<u32>,
+    /// One for each mesh added.
+    pub instances: Vec<Instance>,
+    /// Materials.
+    pub materials: Vec<Material>,
+    /// Lights; their running sum of power is computed when they are bound.
+    pub lights: Vec<Light>,
+    /// All triangles in world space, in the order of instances.
+    pub triangles: Vec<Triangle>,
+}
+
+/// An opaque, diffuse material.
+pub fn matte(albedo: Vec3) -> Material {
+    Material {
+        albedo: albedo.extend(1.0),
+        uv_x: Vec4::X,
+        uv_y: Vec4::Y,
+        albedo_thumbnail: NONE,
+        emissive_thumbnail: NONE,
+        ..Default::default()
+    }
+}
+
+impl TestScene {
+    /// One material and no meshes.
+    pub fn new(albedo: Vec3) -> Self {
+        Self { materials: vec![matte(albedo)], ..Default::default() }
+    }
+
+    /// Adds a mesh; returns its instance.
+    pub fn mesh(&mut self, triangles: &[Triangle], material: u32, flags: u32, transform: Affine3A) -> u32 {
+        let vertex_offset = self.geometry.len() as u32;
+        for vertex in triangles.as_flattened() {
+            self.geometry.extend(vertex.to_array().map(f32::to_bits));
+            self.geometry.push(pack_uv(Vec2::new(vertex.x, vertex.z)));
+        }
+        let index_offset = self.geometry.len() as u32;
+        self.geometry.extend(0..3 * triangles.len() as u32);
+        self.triangles.extend(triangles.iter().map(|t| t.map(|p| transform.transform_point3(p))));
+        let rows = Mat3A::from(transform.matrix3).transpose();
+        let row = |i: usize| Vec3::from(rows.col(i)).extend(transform.translation[i]);
+        self.instances.push(Instance {
+            world_from_local_x: row(0),
+            world_from_local_y: row(1),
+            world_from_local_z: row(2),
+            index_offset,
+            triangle_count: triangles.len() as u32,
+            vertex_offset,
+            deformed_offset: NONE,
+            material,
+            flags,
+            ..Default::default()
+        });
+        self.instances.len() as u32 - 1
+    }
+
+    /// Adds world-space triangles with the first material, seen from the side where they wind counter-clockwise.
+    pub fn soup(&mut self, triangles: &[Triangle]) -> u32 {
+        self.mesh(triangles, 0, 0, Affine3A::IDENTITY)
+    }
+
+    /// Adds the inside of a box: twelve triangles that face its centre.
+    pub fn room(&mut self, min: Vec3, max: Vec3) -> u32 {
+        let faces = cuboid(min, max).map(|[a, b, c]| [a, c, b]);
+        self.soup(&faces)
+    }
+
+    /// Corners of the bounds.
+    pub fn bounds(&self) -> (Vec3, Vec3) {
+        let corners = self.triangles.as_flattened();
+        corners.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)))
+    }
+
+    /// A grid of cubic voxels of that size over the bounds, with a border of one and a bit.
+    pub fn grid(&self, voxel_size: f32) -> Grid {
+        let (low, high) = self.bounds();
+        let origin = low - voxel_size * Vec3::new(1.37, 1.31, 1.43);
+        let dims = ((high - origin) / voxel_size).ceil() + 1.0;
+        let dims = dims.as_uvec3();
+        Grid { origin, voxel_size, dims, cell_capacity: 6 * dims.element_product() }
+    }
+
+    /// Binds everything under the names of the shaders.
+    pub fn resources(&self, gpu: &Gpu) -> Resources {
+        let chunks = self.chunks(|_| true);
+        let emissive = self.chunks(|instance| self.materials[instance.material as usize].emissive != Vec3::ZERO);
+        let mut power = 0.0;
+        let mut lights = self.lights.clone();
+        for light in &mut lights {
+            power += light.cumulative_power;
+            light.cumulative_power = power;
+        }
+        let (bounds_min, bounds_max) = self.bounds();
+        let scene = Scene {
+            bounds_min,
+            bounds_max,
+            light_count: lights.len() as u32,
+            light_power: power,
+            chunk_count: chunks.len() as u32,
+            emissive_chunk_count: emissive.len() as u32,
+            ..Default::default()
+        };
+        let emitters = vec![Emitter::default(); (emissive.len() * CHUNK_TRIANGLES as usize).max(1)];
+        Resources::new(gpu)
+            .words("geometry", &self.geometry)
+            .structs("instances", &at_least_one(self.instances.clone()))
+            .structs("materials", &at_least_one(self.materials.clone()))
+            .zeroed("thumbnails", 4)
+            .structs("chunks", &at_least_one(chunks))
+            .structs("emissive_chunks", &at_least_one(emissive))
+            .structs("lights", &at_least_one(lights))
+            .structs("emitters", &emitters)
+            .uniform("scene", &scene)
+    }
+
+    /// Chunks of the instances that pass, and their number.
+    pub fn chunks(&self, passes: impl Fn(&Instance) -> bool) -> Vec<Chunk> {
+        let instances = (0..).zip(&self.instances).filter(|(_, instance)| passes(instance));
+        let chunks = instances.flat_map(|(instance, data)| {
+            let starts = (0..data.triangle_count).step_by(CHUNK_TRIANGLES as usize);
+            starts.map(move |first_triangle| Chunk { instance, first_triangle })
+        });
+        chunks.collect()
+    }
+}
+
+fn at_least_one<T: Default>(mut values: Vec<T>) -> Vec<T> {
+    if values.is_empty() {
+        values.push(T::default());
+    }
+    values
+}
+
+/// Twelve triangles that face outwards.
+pub fn cuboid(min: Vec3, max: Vec3) -> [Triangle; 12] {
+    let corner = |i: usize| {
+        Vec3::new(
+            if i & 1 == 0 { min.x } else { max.x },
+            if i & 2 == 0 { min.y } else { max.y },
+            if i & 4 == 0 { min.z } else { max.z },
+        )
+    };
+    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let mut triangles = [[Vec3::ZERO; 3]; 12];
+    for (face, [a, b, c, d]) in quads.into_iter().enumerate() {
+        triangles[2 * face] = [corner(a), corner(b), corner(c)];
+        triangles[2 * face + 1] = [corner(a), corner(c), corner(d)];
+    }
+    triangles
+}
+
+fn pack_uv(uv: Vec2) -> u32 {
+    u32::from(f16::from_f32(uv.x).to_bits()) | u32::from(f16::from_f32(uv.y).to_bits()) << 16
+}
+
+/// Words of the voxeliser's queue of bricks, in entries.
+const QUEUE_ENTRIES: usize = 4096;
+
+/// Runs a shipped kernel once.
+pub fn run(gpu: &Gpu, path: &str, entry: &str, resources: &Resources, groups: [u32; 3]) {
+    run_with(gpu, path, entry, &[], resources, groups);
+}
+
+/// Runs a shipped kernel once, with definitions.
+pub fn run_with(gpu: &Gpu, path: &str, entry: &str, defs: &[&str], resources: &Resources, groups: [u32; 3]) {
+    let kernel = shipped(gpu, path, entry, defs);
+    gpu.dispatch(&kernel, resources, groups).unwrap_or_else(|error| panic!("{path}, {entry}: {error}"));
+}
+
+/// A shipped kernel, compiled once a test binary.
+pub fn shipped(gpu: &Gpu, path: &str, entry: &str, defs: &[&str]) -> std::sync::Arc<Kernel> {
+    let name = format!("{path} {entry} {defs:?}");
+    gpu.cached(&name, || {
+        let defs: Vec<_> = defs.iter().map(|def| (*def).into()).collect();
+        gpu.kernel(&compose(path, &defs)?, entry)
+    })
+    .unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+/// Voxelises the scene with the shipped kernels; the buffers of the grid are added to the scene's.
+pub fn voxelize(gpu: &Gpu, scene: &TestScene, grid: &Grid, queue_entries: Option<usize>) -> Resources {
+    let voxels = grid.dims.element_product() as usize;
+    let blocks = voxels.div_ceil(1024);
+    let queue = 1 + 3 * queue_entries.unwrap_or(QUEUE_ENTRIES);
+    let mut resources = scene
+        .resources(gpu)
+        .uniform("grid", grid)
+        .zeroed("voxels", voxels)
+        .zeroed("blocks", blocks)
+        .zeroed("counters", 4)
+        .zeroed("sums", grid.cell_capacity as usize * 16)
+        .structs("cells", &vec![Cell::default(); grid.cell_capacity as usize])
+        .zeroed("along_x", voxels)
+        .zeroed("along_y", voxels)
+        .zeroed("queue", queue);
+    let chunks = scene.chunks(|_| true).len() as u32;
+    let run_chunks = |defs: &[&str], resources: &Resources| {
+        if chunks > 0 {
+            run_with(gpu, "avg/voxelize.wgsl", "triangles", defs, resources, [chunks, 1, 1]);
+            run_with(gpu, "avg/voxelize.wgsl", "bricks", defs, resources, [256, 1, 1]);
+        }
+    };
+    run_chunks(&[], &resources);
+    run(gpu, "avg/cells.wgsl", "count_blocks", &resources, [blocks as u32, 1, 1]);
+    run(gpu, "avg/cells.wgsl", "scan_blocks", &resources, [1, 1, 1]);
+    run(gpu, "avg/cells.wgsl", "assign_cells", &resources, [blocks as u32, 1, 1]);
+    resources = resources.zeroed("queue", queue);
+    run_chunks(&["ACCUMULATE"], &resources);
+    run(gpu, "avg/cells.wgsl", "resolve", &resources, [grid.cell_capacity.div_ceil(64), 1, 1]);
+    for pass in ["pass_x", "pass_y", "pass_z"] {
+        run(gpu, "avg/distance.wgsl", pass, &resources, [voxels.div_ceil(64) as u32, 1, 1]);
+    }
+    resources
+}
+
+/// Words of a vertex, for tests that reach into the geometry.
+pub const WORDS: usize = VERTEX_WORDS as usize;
