@@ -8,10 +8,12 @@ pub mod app;
 pub mod camera;
 pub mod capture;
 pub mod error;
+pub mod glb;
 pub mod gltf;
 pub mod headless;
 pub mod options;
 pub mod run;
+pub mod scenes;
 pub mod stats;
 pub mod window;
 

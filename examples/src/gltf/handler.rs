@@ -1,4 +1,4 @@
-//! What Bevy's loader leaves out or changes: cameras by node, lights without a range, the size of spot lights.
+//! What Bevy's loader leaves out or changes: cameras by node; lights' colours, ranges and sizes.
 
 use bevy::asset::LoadContext;
 use bevy::ecs::world::EntityWorldMut;
@@ -39,15 +39,23 @@ impl GltfExtensionHandler for Handler {
         entity.insert(NodeIndex(node.index()));
     }
 
+    fn on_spawn_light_directional(&mut self, _: &mut LoadContext<'_>, node: &gltf::Node, entity: &mut EntityWorldMut) {
+        if let Some(mut light) = entity.get_mut::<DirectionalLight>() {
+            light.color = color(node);
+        }
+    }
+
     fn on_spawn_light_point(&mut self, _: &mut LoadContext<'_>, node: &gltf::Node, entity: &mut EntityWorldMut) {
         if let Some(mut light) = entity.get_mut::<PointLight>() {
             light.range = range(node);
+            light.color = color(node);
         }
     }
 
     fn on_spawn_light_spot(&mut self, _: &mut LoadContext<'_>, node: &gltf::Node, entity: &mut EntityWorldMut) {
         if let Some(mut light) = entity.get_mut::<SpotLight>() {
             light.range = range(node);
+            light.color = color(node);
             light.radius = 0.0;
         }
     }
@@ -55,4 +63,9 @@ impl GltfExtensionHandler for Handler {
 
 fn range(node: &gltf::Node) -> f32 {
     node.light().and_then(|light| light.range()).unwrap_or(UNLIMITED)
+}
+
+/// glTF's light colours are linear; Bevy's loader takes them for sRGB.
+fn color(node: &gltf::Node) -> Color {
+    node.light().map_or(Color::WHITE, |light| Color::linear_rgb(light.color()[0], light.color()[1], light.color()[2]))
 }

@@ -3,6 +3,7 @@
 mod buffers;
 mod check;
 mod handler;
+mod mips;
 mod scene;
 
 pub use check::{FileCamera, SceneFile};

@@ -13,7 +13,7 @@ use bevy::prelude::*;
 use bevy::world_serialization::WorldInstanceReady;
 
 use super::handler::{self, NodeIndex};
-use super::{FileCamera, SceneFile};
+use super::{FileCamera, SceneFile, mips};
 use crate::camera::Metered;
 use crate::headless::{Failed, Pending};
 use crate::window::Fly;
@@ -146,6 +146,7 @@ fn complete(
     mut materials: ResMut<Assets<StandardMaterial>>,
     mut meshes: ResMut<Assets<Mesh>>,
     mut graphs: ResMut<Assets<AnimationGraph>>,
+    mut images: ResMut<Assets<Image>>,
     gltfs: Res<Assets<Gltf>>,
     run: Res<Run>,
 ) {
@@ -155,6 +156,7 @@ fn complete(
         return;
     }
     loading.complete = true;
+    mips::generate(&mut images);
     if loading.matte {
         make_matte(&mut commands, &scene, &mut materials, &mut meshes);
     }

@@ -1,0 +1,14 @@
+//! Generated scenes, each a plugin: a camera, lights and meshes from numbers alone, the same every time.
+
+mod animal;
+mod animal_mesh;
+mod build;
+mod cornell;
+mod office;
+mod u_room;
+
+pub use animal::AnimalPlugin;
+pub use build::{Builder, Walls};
+pub use cornell::{Block, CornellBox, CornellPlugin, Panel, Surface};
+pub use office::OfficePlugin;
+pub use u_room::URoomPlugin;
