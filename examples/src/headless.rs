@@ -20,7 +20,7 @@ const CALM_FRAMES: u32 = 4;
 /// Warm-up gives up after this long: a big scene on a software adapter takes a minute or two.
 const PATIENCE: Duration = Duration::from_secs(600);
 /// What the mean of the picture should come out at, linear, before tonemapping.
-const METERED_MEAN: f32 = 0.22;
+const METERED_MEAN: f32 = 0.35;
 
 /// What still keeps a scene from being complete; windowless runs wait until it is empty.
 ///
