@@ -14,6 +14,7 @@ use bevy::window::{ExitCondition, WindowResolution};
 use bevy::winit::WinitPlugin;
 use bevy_bounce::GlobalIlluminationPlugins;
 
+use crate::stage_clock::StageClockPlugin;
 use crate::{Error, Run, adapter, camera, capture, headless, window};
 
 /// Builds the app, adds `scene`, and runs it as `run` asks. `assets` is the folder that asset paths start from.
@@ -83,6 +84,9 @@ pub fn build(run: &Run, assets: Option<PathBuf>) -> App {
         .add_plugins((camera::CameraPlugin, capture::CapturePlugin));
     if run.stats.is_some() {
         app.add_plugins(RenderDiagnosticsPlugin);
+        if !run.plain_bevy {
+            app.add_plugins(StageClockPlugin);
+        }
     }
     app
 }

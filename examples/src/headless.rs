@@ -13,7 +13,7 @@ use bevy::time::TimeUpdateStrategy;
 
 use crate::camera::Metered;
 use crate::capture::{self, CaptureScene, Targets};
-use crate::{Error, Run, stats};
+use crate::{Error, Run, stage_clock, stats};
 
 /// Frames without a waiting pipeline or asset that count as warm.
 const CALM_FRAMES: u32 = 4;
@@ -72,7 +72,10 @@ pub fn drive(mut app: App, run: &Run) -> Result<(), Error> {
     }
     capture::write(&mut app, run)?;
     match &run.stats {
-        Some(path) => stats::write(&mut app, run, &times, path),
+        Some(path) => {
+            stage_clock::measure(&mut app, times.len())?;
+            stats::write(&mut app, run, &times, path)
+        }
         None => Ok(()),
     }
 }

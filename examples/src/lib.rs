@@ -14,6 +14,7 @@ pub mod headless;
 pub mod options;
 pub mod run;
 pub mod scenes;
+pub mod stage_clock;
 pub mod stats;
 pub mod window;
 

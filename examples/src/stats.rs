@@ -10,12 +10,14 @@ use bevy::prelude::*;
 use bevy::render::renderer::RenderAdapterInfo;
 use serde_json::{Value, json};
 
+use crate::stage_clock::StageClock;
 use crate::{Error, Run};
 
 /// Writes adapter, sizes, frame times and stage times.
 ///
 /// `frame_ms` is the wall time of a whole frame, submitted and finished. `stages` are this project's, `engine` is what
 /// Bevy itself measures; both with median and 95th percentile, `null` where the adapter has no timestamps.
+/// On a software adapter `stages` are wall times: see [`stage_clock`](crate::stage_clock).
 pub fn write(app: &mut App, run: &Run, times: &[Duration], path: &Path) -> Result<(), Error> {
     let millis: Vec<f64> = times.iter().map(|time| time.as_secs_f64() * 1e3).collect();
     let (stages, engine) = stages(app);
@@ -91,6 +93,12 @@ fn stages(app: &App) -> (BTreeMap<String, Value>, BTreeMap<String, Value>) {
             Some(stage) => ours.insert(stage.to_owned(), times),
             None => engine.insert(name.to_owned(), times),
         };
+    }
+    let clock = app.world().get_resource::<StageClock>().map(StageClock::stages).unwrap_or_default();
+    for (stage, times) in clock {
+        let entry = ours.entry(stage.to_owned()).or_insert_with(|| json!({ "cpu_ms": null, "cpu_ms_p95": null }));
+        entry["gpu_ms"] = json!(percentile(&times, 0.5));
+        entry["gpu_ms_p95"] = json!(percentile(&times, 0.95));
     }
     (ours, engine)
 }

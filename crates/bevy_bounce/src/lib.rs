@@ -27,7 +27,7 @@ mod view;
 mod vpl;
 
 pub use avg::AvgPlugin;
-pub use compose::{GiComposePlugin, GiIsolate};
+pub use compose::{GiComposePlugin, GiIsolate, ViewPass};
 pub use interleaved::InterleavedShadingPlugin;
 pub use plugins::{GiSystems, GlobalIlluminationPlugins};
 pub use scene::{GiLight, GiScenePlugin, VoxelizedMesh};

@@ -45,7 +45,7 @@ pub enum GiIsolate {
 
 /// Passes of a view, in order, within [`Core3dSystems::MainPass`].
 #[derive(SystemSet, Clone, Copy, Debug, Hash, PartialEq, Eq)]
-pub(crate) enum ViewPass {
+pub enum ViewPass {
     /// Depth and normal are packed, `indirect` is cleared.
     Surface,
     /// Direct light.
