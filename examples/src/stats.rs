@@ -7,7 +7,9 @@ use std::time::Duration;
 use bevy::diagnostic::{Diagnostic, DiagnosticsStore};
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
+use bevy::render::RenderApp;
 use bevy::render::renderer::RenderAdapterInfo;
+use bevy_bounce::gpu_memory;
 use serde_json::{Value, json};
 
 use crate::stage_clock::StageClock;
@@ -66,8 +68,8 @@ fn vpls(run: &Run) -> u32 {
 }
 
 /// What the plugins hold on the GPU: the sum, and by name.
-fn gpu_bytes(_app: &App) -> (u64, BTreeMap<String, u64>) {
-    let by_name = BTreeMap::new();
+fn gpu_bytes(app: &mut App) -> (u64, BTreeMap<&'static str, u64>) {
+    let by_name = app.get_sub_app_mut(RenderApp).map(|render| gpu_memory(render.world_mut())).unwrap_or_default();
     (by_name.values().sum(), by_name)
 }
 

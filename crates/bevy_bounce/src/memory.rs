@@ -1,0 +1,27 @@
+//! What the plugins hold on the GPU.
+
+use std::collections::BTreeMap;
+
+use bevy::prelude::*;
+
+use crate::avg::VoxelGrid;
+use crate::scene::SceneBuffers;
+use crate::view::ViewTextures;
+use crate::vpl::VplBuffers;
+
+/// Bytes that the plugins hold on the GPU, by what they are for; of view textures, all cameras together.
+///
+/// For measurements: it asks the render world (`app.get_sub_app_mut(RenderApp)`), which an app with pipelined rendering
+/// keeps to itself.
+pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
+    let mut views = render_world.query::<&ViewTextures>();
+    let items = render_world.get_resource::<SceneBuffers>().map(SceneBuffers::bytes).into_iter().flatten();
+    let items = items.chain(render_world.get_resource::<VoxelGrid>().map(VoxelGrid::bytes).into_iter().flatten());
+    let items = items.chain(render_world.get_resource::<VplBuffers>().map(VplBuffers::bytes).into_iter().flatten());
+    let items = items.chain(views.iter(render_world).flat_map(ViewTextures::bytes));
+    let mut memory = BTreeMap::new();
+    for (name, bytes) in items {
+        *memory.entry(name).or_default() += bytes;
+    }
+    memory
+}
