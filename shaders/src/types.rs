@@ -179,8 +179,19 @@ pub struct Vpl {
     pub path: u32,
     /// Linear RGB flux, lumens.
     pub flux: Vec3,
-    /// Keeps rows of 16 bytes.
-    pub padding: u32,
+    /// Brick of 8^3 voxels it is in.
+    pub brick: u32,
+}
+
+/// A path that was traced.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Path {
+    /// Vertices.
+    pub length: u32,
+    /// Bounce of the first one: 0 on an emissive surface, else 1.
+    pub first_bounce: u32,
+    /// Bit of each bounce whose vertex is in the list of virtual lights.
+    pub selected: u32,
 }
 
 /// An emissive triangle as an area light.
@@ -229,7 +240,7 @@ pub const SUBSETS: usize = 16;
 pub struct VplHeader {
     /// First light of each subset, and the end of the last.
     pub subset_start: [u32; SUBSETS + 1],
-    /// Paths that the list holds whole: fluxes are divided by it.
+    /// Paths traced: fluxes are divided by it.
     pub path_count: u32,
     /// Largest geometry term, 1/m^2.
     pub geometry_bound: f32,

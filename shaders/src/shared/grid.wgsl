@@ -62,6 +62,15 @@ fn cell_index(word: u32, facing: u32) -> u32 {
     return (word & CELL_MASK) + countOneBits(voxel_facings(word) & ((1u << facing) - 1u));
 }
 
+/// Edge of a brick, voxels.
+const BRICK: u32 = 8u;
+
+/// Index of a brick of voxels.
+fn brick_index(grid: Grid, brick: vec3<u32>) -> u32 {
+    let dims = (grid.dims + (BRICK - 1u)) / BRICK;
+    return (brick.z * dims.y + brick.y) * dims.x + brick.x;
+}
+
 /// Facing of a normal: +x, -x, +y, -y, +z, -z by its longest component.
 fn facing_of(normal: vec3<f32>) -> u32 {
     let a = abs(normal);

@@ -1,31 +1,52 @@
-// From paths to the list of virtual lights: as many whole paths as it holds, in sixteen subsets of which each has its share
-// of every bounce. A subset takes, of each bounce, a run of consecutive paths: a run of the sequence is spread over all lights
-// and directions as well as the whole is.
+// From paths to the list of virtual lights.
 //
-// Cost: one workgroup; every path is read once a bounce.
+// More vertices are traced than the list holds. It takes them with a probability that falls with the square root of how many
+// there are around (in the same brick of the grid), and raises their flux by as much: where light is rare, it comes from more
+// and weaker lights than its share of the flux would give it. Selection is systematic, in order of bounce and path: a sum of
+// probabilities runs along, and whoever carries it over the next integer is in.
+//
+// The list has sixteen subsets, each with its share of every bounce. A subset takes, of each bounce, a run of consecutive
+// paths: a run of the sequence is spread over all lights and directions as well as the whole is.
+//
+// Cost: one workgroup; a thread takes consecutive paths, and looks at each three times a bounce.
 
 #import bevy_bounce::shared::grid::{Grid, COUNTER_AREA}
-#import bevy_bounce::vpl::types::{Vpl, VplParameters, VplHeader, SUBSETS}
-#import bevy_bounce::shared::sampling::PI
+#import bevy_bounce::vpl::types::{Vpl, Path, VplParameters, VplHeader, SUBSETS}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> grid: Grid;
 @group(0) @binding(2) var<storage, read> vertices: array<Vpl>;
-@group(0) @binding(3) var<storage, read> lengths: array<u32>;
-@group(0) @binding(4) var<storage, read> counters: array<u32>;
-@group(0) @binding(5) var<storage, read_write> header: VplHeader;
-@group(0) @binding(6) var<storage, read_write> vpls: array<Vpl>;
+@group(0) @binding(3) var<storage, read_write> paths: array<Path>;
+@group(0) @binding(4) var<storage, read> brick_counts: array<u32>;
+@group(0) @binding(5) var<storage, read> counters: array<u32>;
+@group(0) @binding(6) var<storage, read_write> header: VplHeader;
+@group(0) @binding(7) var<storage, read_write> vpls: array<Vpl>;
 
 const GROUP: u32 = 256u;
 // Bounces 0 to 32.
 const LEVELS: u32 = 33u;
 
+var<workgroup> float_scratch: array<f32, 256>;
 var<workgroup> scratch: array<u32, 256>;
-var<workgroup> level_count: array<atomic<u32>, 33>;
-var<workgroup> last_kept: atomic<u32>;
-var<workgroup> kept_paths: u32;
+// Lights of each bounce, in the list.
+var<workgroup> level_count: array<u32, 33>;
 
-fn inclusive_scan(value: u32, lane: u32) -> u32 {
+// Sum of the values of this lane and lower ones. Hillis & Steele 1986.
+fn inclusive_sum(value: f32, lane: u32) -> f32 {
+    workgroupBarrier();
+    float_scratch[lane] = value;
+    workgroupBarrier();
+    for (var step = 1u; step < GROUP; step <<= 1u) {
+        let lower = select(0.0, float_scratch[max(lane, step) - step], lane >= step);
+        workgroupBarrier();
+        float_scratch[lane] += lower;
+        workgroupBarrier();
+    }
+    return float_scratch[lane];
+}
+
+fn inclusive_count(value: u32, lane: u32) -> u32 {
+    workgroupBarrier();
     scratch[lane] = value;
     workgroupBarrier();
     for (var step = 1u; step < GROUP; step <<= 1u) {
@@ -37,15 +58,67 @@ fn inclusive_scan(value: u32, lane: u32) -> u32 {
     return scratch[lane];
 }
 
-// Bounce of the first vertex of a path.
-fn first_bounce(length: u32) -> u32 {
-    return select(1u, 0u, (length >> 16u) != 0u);
+fn vertex_slot(path: u32, bounce: u32) -> u32 {
+    return path * (parameters.max_bounces + 1u) + bounce - paths[path].first_bounce;
 }
 
 // Whether the path has a vertex of that bounce.
-fn reaches(length: u32, bounce: u32) -> bool {
-    let first = first_bounce(length);
-    return bounce >= first && bounce - first < (length & 0xffffu);
+fn reaches(path: u32, bounce: u32) -> bool {
+    let p = paths[path];
+    return bounce >= p.first_bounce && bounce - p.first_bounce < p.length;
+}
+
+// Probability, but for a factor, that a vertex is taken.
+fn vertex_weight(slot: u32) -> f32 {
+    return inverseSqrt(f32(max(brick_counts[vertices[slot].brick], 1u)));
+}
+
+fn first_path(lane: u32) -> u32 {
+    return min(lane * ((parameters.path_count + GROUP - 1u) / GROUP), parameters.path_count);
+}
+
+fn total_weight(lane: u32) -> f32 {
+    var sum = 0.0;
+    for (var path = first_path(lane); path < first_path(lane + 1u); path++) {
+        for (var i = 0u; i < paths[path].length; i++) {
+            sum += vertex_weight(path * (parameters.max_bounces + 1u) + i);
+        }
+    }
+    inclusive_sum(sum, lane);
+    return float_scratch[GROUP - 1u];
+}
+
+fn probability(slot: u32, scale: f32) -> f32 {
+    return min(vertex_weight(slot) * scale, 1.0);
+}
+
+// Marks the vertices of one bounce that are taken; `before` is the sum of probabilities of lower bounces. Returns the sum
+// with this one.
+fn select_level(lane: u32, bounce: u32, scale: f32, before: f32) -> f32 {
+    var sum = 0.0;
+    for (var path = first_path(lane); path < first_path(lane + 1u); path++) {
+        if reaches(path, bounce) {
+            sum += probability(vertex_slot(path, bounce), scale);
+        }
+    }
+    var running = before + inclusive_sum(sum, lane) - sum;
+    let after = before + float_scratch[GROUP - 1u];
+    var taken = 0u;
+    for (var path = first_path(lane); path < first_path(lane + 1u); path++) {
+        if reaches(path, bounce) {
+            let next = running + probability(vertex_slot(path, bounce), scale);
+            if floor(next + 0.5) > floor(running + 0.5) {
+                paths[path].selected |= 1u << (bounce & 31u);
+                taken++;
+            }
+            running = next;
+        }
+    }
+    inclusive_count(taken, lane);
+    if lane == 0u {
+        level_count[bounce] = scratch[GROUP - 1u];
+    }
+    return after;
 }
 
 // Of `count` lights in a row, how many come before subset `subset`.
@@ -53,65 +126,31 @@ fn before_subset(count: u32, subset: u32) -> u32 {
     return (count * subset + (SUBSETS - 1u)) / SUBSETS;
 }
 
-fn path_length(path: u32) -> u32 {
-    if path < parameters.path_count {
-        return lengths[path];
-    }
-    return 0u;
-}
-
-// Keeps paths, in order, while the list holds them whole.
-fn keep_paths(lane: u32) {
-    var before = 0u;
-    for (var base = 0u; base < parameters.path_count; base += GROUP) {
-        let path = base + lane;
-        let sum = before + inclusive_scan(path_length(path) & 0xffffu, lane);
-        if path < parameters.path_count && sum <= parameters.capacity {
-            atomicMax(&last_kept, path + 1u);
-        }
-        before += scratch[GROUP - 1u];
-        workgroupBarrier();
-    }
-}
-
-fn count_levels(lane: u32, paths: u32) {
-    for (var path = lane; path < paths; path += GROUP) {
-        let length = lengths[path];
-        let first = first_bounce(length);
-        for (var i = 0u; i < (length & 0xffffu); i++) {
-            atomicAdd(&level_count[min(first + i, LEVELS - 1u)], 1u);
-        }
-    }
-}
-
-// Largest geometry term: a light stands for its share of all surfaces, and no share can light more than one that fills the
-// whole hemisphere.
+// Largest geometry term: a light stands for its share of all surfaces, and is not let nearer than that share is wide.
 fn geometry_bound(count: u32) -> f32 {
     let area = f32(counters[COUNTER_AREA]) / 256.0 * grid.voxel_size * grid.voxel_size;
-    return PI * f32(count) / max(area, 1e-12);
+    return f32(count) / max(area, 1e-12);
 }
 
-fn write_header(paths: u32) {
-    var total = 0u;
+fn write_header() {
     for (var subset = 0u; subset <= SUBSETS; subset++) {
         var start = 0u;
-        for (var bounce = 0u; bounce < LEVELS; bounce++) {
-            start += before_subset(atomicLoad(&level_count[bounce]), subset);
+        for (var bounce = 0u; bounce <= parameters.max_bounces; bounce++) {
+            start += before_subset(level_count[bounce], subset);
         }
-        header.subset_start[subset] = start;
-        total = start;
+        header.subset_start[subset] = min(start, parameters.capacity);
     }
-    header.count = total;
-    header.path_count = paths;
-    header.geometry_bound = geometry_bound(total);
+    header.count = header.subset_start[SUBSETS];
+    header.path_count = parameters.path_count;
+    header.geometry_bound = geometry_bound(header.count);
 }
 
 // Place in the list of the light of that rank among those of its bounce.
 fn place(bounce: u32, rank: u32) -> u32 {
-    let subset = rank * SUBSETS / atomicLoad(&level_count[bounce]);
-    var slot = rank - before_subset(atomicLoad(&level_count[bounce]), subset);
-    for (var level = 0u; level < LEVELS; level++) {
-        let count = atomicLoad(&level_count[level]);
+    let subset = rank * SUBSETS / level_count[bounce];
+    var slot = rank - before_subset(level_count[bounce], subset);
+    for (var level = 0u; level <= parameters.max_bounces; level++) {
+        let count = level_count[level];
         slot += before_subset(count, subset);
         if level < bounce {
             slot += before_subset(count, subset + 1u) - before_subset(count, subset);
@@ -120,42 +159,42 @@ fn place(bounce: u32, rank: u32) -> u32 {
     return slot;
 }
 
-fn write_level(lane: u32, bounce: u32, paths: u32) {
-    let flux_scale = 1.0 / f32(max(paths, 1u));
-    var before = 0u;
-    for (var base = 0u; base < paths; base += GROUP) {
-        let path = base + lane;
-        var present = 0u;
-        var length = 0u;
-        if path < paths {
-            length = lengths[path];
-            present = select(0u, 1u, reaches(length, bounce));
-        }
-        let rank = before + inclusive_scan(present, lane) - present;
-        if present == 1u {
-            let slot = path * (parameters.max_bounces + 1u) + bounce - first_bounce(length);
+fn is_selected(path: u32, bounce: u32) -> bool {
+    return (paths[path].selected & (1u << (bounce & 31u))) != 0u && reaches(path, bounce);
+}
+
+fn write_level(lane: u32, bounce: u32, scale: f32) {
+    var count = 0u;
+    for (var path = first_path(lane); path < first_path(lane + 1u); path++) {
+        count += select(0u, 1u, is_selected(path, bounce));
+    }
+    var rank = inclusive_count(count, lane) - count;
+    for (var path = first_path(lane); path < first_path(lane + 1u); path++) {
+        if is_selected(path, bounce) {
+            let slot = vertex_slot(path, bounce);
             var vpl = vertices[slot];
-            vpl.flux *= flux_scale;
-            vpls[place(bounce, rank)] = vpl;
+            vpl.flux /= probability(slot, scale) * f32(parameters.path_count);
+            let index = place(bounce, rank);
+            if index < parameters.capacity {
+                vpls[index] = vpl;
+            }
+            rank++;
         }
-        before += scratch[GROUP - 1u];
-        workgroupBarrier();
     }
 }
 
 @compute @workgroup_size(256)
 fn build_list(@builtin(local_invocation_index) lane: u32) {
-    keep_paths(lane);
-    if lane == 0u {
-        kept_paths = atomicLoad(&last_kept);
+    let scale = f32(parameters.capacity) / max(total_weight(lane), 1e-30);
+    var before = 0.0;
+    for (var bounce = 0u; bounce <= parameters.max_bounces; bounce++) {
+        before = select_level(lane, bounce, scale, before);
     }
-    let paths = workgroupUniformLoad(&kept_paths);
-    count_levels(lane, paths);
     workgroupBarrier();
     if lane == 0u {
-        write_header(paths);
+        write_header();
     }
     for (var bounce = 0u; bounce <= parameters.max_bounces; bounce++) {
-        write_level(lane, bounce, paths);
+        write_level(lane, bounce, scale);
     }
 }

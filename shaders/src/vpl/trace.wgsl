@@ -7,14 +7,14 @@
 //
 // Cost: one thread a path; a ray of about ten steps a bounce.
 
-#import bevy_bounce::shared::grid::Cell
+#import bevy_bounce::shared::grid::{Cell, brick_index, BRICK}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, cells, trace, to_grid, to_world, Ray, Hit}
 #import bevy_bounce::shared::sampling::{
     sample_square, cosine_direction, cone_direction, disk_point, triangle_point, any_tangent, PI,
 }
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, CHUNK_TRIANGLES}
-#import bevy_bounce::vpl::types::{Vpl, Emitter, VplParameters, luminance}
+#import bevy_bounce::vpl::types::{Vpl, Path, Emitter, VplParameters, luminance}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> scene: Scene;
@@ -22,8 +22,9 @@
 @group(0) @binding(3) var<storage, read> emitters: array<Emitter>;
 // Path by path, `max_bounces` + 1 slots each.
 @group(0) @binding(4) var<storage, read_write> vertices: array<Vpl>;
-// Vertices of each path, in the low half; whether the first is on an emissive surface in the high half.
-@group(0) @binding(5) var<storage, read_write> lengths: array<u32>;
+@group(0) @binding(5) var<storage, read_write> paths: array<Path>;
+// Vertices in each brick of the grid.
+@group(0) @binding(6) var<storage, read_write> brick_counts: array<atomic<u32>>;
 
 // Dimensions of the sequence.
 const DIMENSION_LIGHT: u32 = 0u;
@@ -167,7 +168,10 @@ fn range_window(inverse_square_range: f32, distance: f32) -> f32 {
 }
 
 fn store(path: u32, slot: u32, position: vec3<f32>, normal: vec3<f32>, bounce: u32, flux: vec3<f32>) {
-    vertices[path * (parameters.max_bounces + 1u) + slot] = Vpl(position, bounce, normal, path, flux, 0u);
+    let voxel = clamp(to_grid(position), vec3<f32>(0.0), vec3<f32>(grid.dims - 1u));
+    let brick = brick_index(grid, vec3<u32>(voxel) / BRICK);
+    atomicAdd(&brick_counts[brick], 1u);
+    vertices[path * (parameters.max_bounces + 1u) + slot] = Vpl(position, bounce, normal, path, flux, brick);
 }
 
 fn follow(path: u32, start: Photon) -> u32 {
@@ -218,7 +222,7 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     let emissive = emissive_power();
     let total = scene.light_power + emissive;
     if total <= 0.0 {
-        lengths[path] = 0u;
+        paths[path] = Path(0u, 0u, 0u);
         return;
     }
     let pick = sample_square(path, DIMENSION_LIGHT).x * total;
@@ -229,5 +233,5 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3<u32>) {
         photon = start_at_emitter(find_emitter(pick - scene.light_power), path, total);
     }
     let count = follow(path, photon);
-    lengths[path] = count | select(0u, 0x10000u, photon.on_surface);
+    paths[path] = Path(count, select(1u, 0u, photon.on_surface), 0u);
 }

@@ -8,7 +8,13 @@ struct Vpl {
     normal: vec3<f32>,
     path: u32,
     flux: vec3<f32>,
-    padding: u32,
+    brick: u32,
+}
+
+struct Path {
+    length: u32,
+    first_bounce: u32,
+    selected: u32,
 }
 
 struct Emitter {
@@ -34,7 +40,7 @@ struct VplParameters {
 struct VplHeader {
     // First light of each subset, and the end of the last.
     subset_start: array<u32, 17>,
-    // Paths that the list holds whole.
+    // Paths traced.
     path_count: u32,
     // Largest geometry term, 1/m^2.
     geometry_bound: f32,

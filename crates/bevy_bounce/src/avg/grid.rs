@@ -13,6 +13,8 @@ use crate::settings::GiWorldSettings;
 pub(crate) const SUM_WORDS: u64 = 16;
 /// Voxels a workgroup of the prefix sum takes.
 pub(crate) const BLOCK_VOXELS: u32 = 1024;
+/// Edge of a brick, voxels.
+const BRICK: u32 = 8;
 /// Bricks of large triangles the queue holds; what does not fit is done by the thread that found it, slower.
 const QUEUE_ENTRIES: u64 = 65536;
 /// Cells that a voxel's word can address.
@@ -81,6 +83,11 @@ impl VoxelGrid {
         self.grid.dims.element_product()
     }
 
+    /// Bricks of 8^3 voxels. See `brick_index` in `shared/grid.wgsl`.
+    pub fn brick_count(&self) -> u64 {
+        self.grid.dims.map(|voxels| voxels.div_ceil(BRICK)).as_u64vec3().element_product()
+    }
+
     /// Blocks of the prefix sum.
     pub fn block_count(&self) -> u32 {
         self.edge.pow(3).div_ceil(BLOCK_VOXELS)
@@ -99,7 +106,7 @@ impl VoxelGrid {
 }
 
 /// Places the grid and keeps its buffers.
-pub(super) fn prepare_grid(
+pub(crate) fn prepare_grid(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,

@@ -33,7 +33,7 @@ use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 
-pub(crate) use grid::VoxelGrid;
+pub(crate) use grid::{VoxelGrid, prepare_grid};
 pub(crate) use pipelines::{bind_grid, grid_layout};
 
 /// Builds the voxel grid; see the [module](self).

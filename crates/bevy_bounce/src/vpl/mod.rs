@@ -5,8 +5,9 @@
 //!
 //! | buffer | bytes at 1024 lights, 12 bounces | holds |
 //! |---|---|---|
-//! | `vertices` | 1.3 MiB | path by path, where it was reflected |
-//! | `lengths` | 8 KiB | vertices of each path |
+//! | `vertices` | 2.4 MiB | path by path, where it was reflected |
+//! | `paths` | 48 KiB | vertices of each path, and which are in the list |
+//! | `brick_counts` | 2 KiB | vertices in each brick of the grid |
 //! | `vpls` | 48 KiB | the list: position, normal, flux |
 //! | `header` | 80 B | where each of the sixteen subsets begins, paths, bound of the geometry term |
 //! | `emitters` | 80 B a triangle | emissive triangles and the running sum of their power |
@@ -17,7 +18,8 @@
 //!
 //! Points come from an Owen-scrambled Sobol' sequence computed where it is needed, not from a texture. The paper prints the
 //! polar angle of a reflected path as sqrt(cos x); it is acos(sqrt(1 - x)). Paths end by roulette on the albedo, so that
-//! all lights carry about the same flux, and at a greatest length. The list takes as many whole paths as fit.
+//! all vertices carry about the same flux, and at a greatest length. Four times as many paths are traced as there are lights in
+//! the list, which takes more of their vertices where they are rare: see `vpl/list.wgsl`.
 
 mod passes;
 mod pipelines;
@@ -27,6 +29,7 @@ use bevy::prelude::*;
 use bevy::render::renderer::RenderGraph;
 use bevy::render::{Render, RenderApp, RenderStartup};
 
+use crate::avg::prepare_grid;
 use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
@@ -48,7 +51,7 @@ impl Plugin for VplPlugin {
         configure_stages(render_app);
         render_app
             .add_systems(RenderStartup, pipelines::init_pipelines)
-            .add_systems(Render, prepare::prepare_vpls.in_set(GiSystems::Prepare))
+            .add_systems(Render, prepare::prepare_vpls.in_set(GiSystems::Prepare).after(prepare_grid))
             .add_systems(RenderGraph, passes::trace_vpls.in_set(GiSystems::VplTrace));
     }
 }

@@ -56,7 +56,8 @@ pub(super) fn trace_vpls(
             whole(&scene.lights),
             whole(&vpl.emitters),
             whole(&vpl.vertices),
-            whole(&vpl.lengths),
+            whole(&vpl.paths),
+            whole(&vpl.brick_counts),
         ],
     );
     let list = p.build_list.bind(
@@ -66,7 +67,8 @@ pub(super) fn trace_vpls(
             parameters,
             grid_uniform,
             whole(&vpl.vertices),
-            whole(&vpl.lengths),
+            whole(&vpl.paths),
+            whole(&vpl.brick_counts),
             whole(&grid.counters),
             whole(&vpl.header),
             whole(&vpl.vpls),
@@ -81,6 +83,7 @@ pub(super) fn trace_vpls(
     p.collect_emitters.dispatch(encoder, &cache, &[&emitters], chunks);
     p.accumulate_emitters.dispatch(encoder, &cache, &[&emitters], chunks.min(UVec3::ONE));
     let paths = UVec3::new(vpl.parameters().path_count.div_ceil(GROUP), 1, 1);
+    encoder.clear_buffer(&vpl.brick_counts, 0, None);
     p.trace_paths.dispatch(encoder, &cache, &[&trace, &grid_group], paths);
     p.build_list.dispatch(encoder, &cache, &[&list], UVec3::ONE);
     span.end(encoder);

@@ -27,10 +27,10 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     };
     // Geometry, instances, materials, thumbnails; emissive chunks, emitters, scene.
     let emitters = [read, read, read, read, read, write, uniform];
-    // Parameters, scene; lights, emitters; vertices, lengths.
-    let trace = [uniform, uniform, read, read, write, write];
-    // Parameters, grid; vertices, lengths, counters; header, list.
-    let list = [uniform, uniform, read, read, read, write, write];
+    // Parameters, scene; lights, emitters; vertices, paths, brick counts.
+    let trace = [uniform, uniform, read, read, write, write, write];
+    // Parameters, grid; vertices, paths, brick counts, counters; header, list.
+    let list = [uniform, uniform, read, write, read, read, write, write];
     commands.insert_resource(VplPipelines {
         collect_emitters: kernel("vpl/emitters.wgsl", "collect", &emitters, &[]),
         accumulate_emitters: kernel("vpl/emitters.wgsl", "accumulate", &emitters, &[]),

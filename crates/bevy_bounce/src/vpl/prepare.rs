@@ -3,14 +3,15 @@
 use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy_bounce_shaders::types::{CHUNK_TRIANGLES, Emitter, Vpl, VplHeader, VplParameters};
+use bevy_bounce_shaders::types::{CHUNK_TRIANGLES, Emitter, Path, Vpl, VplHeader, VplParameters};
 
+use crate::avg::VoxelGrid;
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 
-/// Paths traced for each virtual light there is room for. At a mean albedo a, a path leaves a / (1 - a) lights behind: this
-/// many fill the list down to an albedo of a third.
-const PATHS_PER_VPL: u32 = 2;
+/// Paths traced for each virtual light there is room for. At a mean albedo a, a path has a / (1 - a) vertices: this many give
+/// the list a choice of nine at an albedo of 0.7, and fill it down to 0.2.
+const PATHS_PER_VPL: u32 = 4;
 
 /// Virtual lights on the GPU.
 #[derive(Resource)]
@@ -19,8 +20,10 @@ pub(crate) struct VplBuffers {
     pub parameters: UniformBuffer<VplParameters>,
     /// Where paths were reflected.
     pub vertices: Buffer,
-    /// Vertices of each path.
-    pub lengths: Buffer,
+    /// Vertices of each path, and which of them are in the list.
+    pub paths: Buffer,
+    /// Vertices in each brick of the grid.
+    pub brick_counts: Buffer,
     /// The list.
     pub vpls: Buffer,
     /// What the list holds.
@@ -36,7 +39,8 @@ impl VplBuffers {
         Self {
             parameters: UniformBuffer::from(parameters),
             vertices: storage(device, "bounce_path_vertices", slots * u64::from(Vpl::min_size())),
-            lengths: storage(device, "bounce_path_lengths", paths * 4),
+            paths: storage(device, "bounce_paths", paths * u64::from(Path::min_size())),
+            brick_counts: storage(device, "bounce_path_bricks", 4),
             vpls: storage(device, "bounce_vpls", u64::from(parameters.capacity) * u64::from(Vpl::min_size())),
             header: storage(device, "bounce_vpl_header", u64::from(VplHeader::min_size())),
             emitters: storage(device, "bounce_emitters", emitter_bytes(1)),
@@ -51,7 +55,7 @@ impl VplBuffers {
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> Vec<(&'static str, u64)> {
         vec![
-            ("vpl: paths", self.vertices.size() + self.lengths.size()),
+            ("vpl: paths", self.vertices.size() + self.paths.size() + self.brick_counts.size()),
             ("vpl: list", self.vpls.size() + self.header.size()),
             ("vpl: emitters", self.emitters.size()),
         ]
@@ -62,7 +66,7 @@ fn storage(device: &RenderDevice, label: &'static str, size: u64) -> Buffer {
     device.create_buffer(&BufferDescriptor {
         label: Some(label),
         size,
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC,
+        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
         mapped_at_creation: false,
     })
 }
@@ -77,6 +81,7 @@ pub(super) fn prepare_vpls(
     queue: Res<RenderQueue>,
     settings: Res<GiWorldSettings>,
     scene: Option<Res<SceneBuffers>>,
+    grid: Option<Res<VoxelGrid>>,
     buffers: Option<ResMut<VplBuffers>>,
 ) {
     let (Some(settings), Some(scene)) = (settings.0, scene) else { return };
@@ -85,9 +90,13 @@ pub(super) fn prepare_vpls(
     let path_count = u64::from(settings.vpls * PATHS_PER_VPL).min(limit / path_bytes) as u32;
     let parameters = VplParameters { capacity: settings.vpls, path_count, max_bounces: settings.bounces, padding: 0 };
     let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
+    let brick_bytes = grid.map_or(0, |grid| grid.brick_count() * 4);
     let prepare = |buffers: &mut VplBuffers| {
         if buffers.emitters.size() < needed {
             buffers.emitters = storage(&device, "bounce_emitters", needed.next_power_of_two().min(limit).max(needed));
+        }
+        if buffers.brick_counts.size() < brick_bytes {
+            buffers.brick_counts = storage(&device, "bounce_path_bricks", brick_bytes);
         }
         if buffers.parameters.buffer().is_none() {
             buffers.parameters.write_buffer(&device, &queue);
