@@ -19,7 +19,7 @@ use bevy_bounce_shaders::types::{DEFORMED_WORDS, DeformChunk, DeformJob, NONE};
 
 use super::VoxelizedMesh;
 use super::bounds::Bounds;
-use super::extract::{ExtractedInstance, SceneCameras};
+use super::extract::{ExtractedInstance, SceneCameras, spawn_order};
 use super::instances::Instances;
 use super::meshes::{Geometry, MeshEntry, Meshes};
 use super::passes::ScenePipelines;
@@ -95,7 +95,7 @@ pub(super) fn extract_poses(
         };
         extracted.poses.push((entity, Pose { joints, weights: weights.to_vec() }));
     }
-    extracted.poses.sort_by_key(|(entity, _)| *entity);
+    extracted.poses.sort_by_key(|(entity, _)| spawn_order(*entity));
 }
 
 /// As bevy_pbr's `extract_skins`.

@@ -22,7 +22,7 @@ use bevy_bounce_shaders::types::{CHUNK_TRIANGLES, Chunk, INSTANCE_FLIPPED, INSTA
 use super::allocator::SlotAllocator;
 use super::bounds::Bounds;
 use super::deform::{Shape, rows};
-use super::extract::{ExtractedInstance, ExtractedInstances, SceneCameras};
+use super::extract::{ExtractedInstance, ExtractedInstances, SceneCameras, spawn_order};
 use super::materials::Materials;
 use super::meshes::{Geometry, Meshes};
 use super::table::{GpuTable, buffer_limit};
@@ -211,7 +211,7 @@ pub(super) fn update_instances(
     // Slots go to new instances in the order of their entities, whatever the order of the query.
     let (known, mut new): (Vec<_>, Vec<_>) =
         extracted.changed.drain(..).partition(|source| instances.by_entity.contains_key(&source.entity));
-    new.sort_by_key(|source| source.entity);
+    new.sort_by_key(|source| spawn_order(source.entity));
     for source in known.into_iter().chain(new) {
         instances.insert(source, &mut geometry, limit);
     }
