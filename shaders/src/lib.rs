@@ -34,6 +34,8 @@ shaders! {
     "shared/grid.wgsl" => [],
     "shared/rays.wgsl" => [],
     "shared/triangles.wgsl" => [],
+    "scene/deform.wgsl" => ["deform"],
+    "scene/thumbnail.wgsl" => ["average"],
     "avg/voxelize.wgsl" => ["triangles", "bricks"],
     "avg/cells.wgsl" => ["count_blocks", "scan_blocks", "assign_cells", "resolve"],
     "avg/distance.wgsl" => ["pass_x", "pass_y", "pass_z"],

@@ -139,6 +139,63 @@ pub struct Scene {
     pub padding_b: u32,
 }
 
+/// A skinned or morphed instance whose pose changed.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct DeformJob {
+    /// First row of the affine local-to-world matrix; a skinned mesh stands where its joints are instead.
+    pub world_from_local_x: Vec4,
+    /// Second row.
+    pub world_from_local_y: Vec4,
+    /// Third row.
+    pub world_from_local_z: Vec4,
+    /// First vertex, in words of the geometry buffer.
+    pub vertex_offset: u32,
+    /// Number of vertices.
+    pub vertex_count: u32,
+    /// First word of the skin in the geometry buffer, or [`NONE`].
+    pub skin_offset: u32,
+    /// First word of the morph deltas in the geometry buffer.
+    pub morph_offset: u32,
+    /// First deformed vertex, in words of the geometry buffer.
+    pub deformed_offset: u32,
+    /// First joint matrix, in words of the pose buffer: three rows of four floats.
+    pub joint_offset: u32,
+    /// Number of joints.
+    pub joint_count: u32,
+    /// First morph weight, in words of the pose buffer.
+    pub weight_offset: u32,
+    /// Number of morph targets.
+    pub weight_count: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_a: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_b: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_c: u32,
+}
+
+/// Vertices that one workgroup deforms.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct DeformChunk {
+    /// Index into the jobs, or [`NONE`].
+    pub job: u32,
+    /// First of up to 64 vertices.
+    pub first_vertex: u32,
+}
+
+/// A thumbnail to be made.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct ThumbnailJob {
+    /// First word of the thumbnail.
+    pub offset: u32,
+    /// 1 where colours count by their alpha.
+    pub masked: u32,
+    /// Metallic factor; multiplies the blue channel of the metallic texture.
+    pub metallic: f32,
+    /// Keeps rows of 16 bytes.
+    pub padding: u32,
+}
+
 /// Where the voxel grid lies.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Grid {

@@ -42,6 +42,11 @@ impl Default for SceneCameras {
     }
 }
 
+/// Orders entities as they were spawned, as far as their places were not used before; `Entity`'s own order is another.
+pub(super) fn spawn_order(entity: Entity) -> (u32, u64) {
+    (entity.index_u32(), entity.to_bits())
+}
+
 /// Reads the cameras.
 pub(super) fn extract_cameras(
     mut extracted: ResMut<SceneCameras>,
@@ -65,7 +70,7 @@ pub(super) fn extract_cameras(
             extracted.positions.clear();
         }
         extracted.positions.push(transform.affine().translation);
-        let key = (camera.order, entity);
+        let key = (camera.order, spawn_order(entity));
         if first.is_none_or(|first| key < first) {
             first = Some(key);
             let exposure = exposure.copied().unwrap_or_default().exposure();

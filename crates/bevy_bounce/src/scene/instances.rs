@@ -14,20 +14,22 @@ use std::collections::BTreeSet;
 use bevy::camera::visibility::RenderLayers;
 use bevy::log::warn;
 use bevy::math::Affine3A;
-use bevy::platform::collections::HashMap;
+use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
 use bevy::render::renderer::RenderDevice;
 use bevy_bounce_shaders::types::{CHUNK_TRIANGLES, Chunk, INSTANCE_FLIPPED, INSTANCE_TWO_SIDED, Instance, NONE};
 
 use super::allocator::SlotAllocator;
 use super::bounds::Bounds;
-use super::extract::{ExtractedInstance, ExtractedInstances, SceneCameras};
+use super::deform::{Shape, rows};
+use super::extract::{ExtractedInstance, ExtractedInstances, SceneCameras, spawn_order};
 use super::materials::Materials;
-use super::meshes::Meshes;
+use super::meshes::{Geometry, Meshes};
 use super::table::{GpuTable, buffer_limit};
 
 struct Record {
     source: ExtractedInstance,
+    shape: Shape,
     bounds: Bounds,
     emits: bool,
 }
@@ -87,10 +89,25 @@ impl Instances {
         self.table.lose_buffer();
         self.chunks.lose_buffer();
         self.emissive_chunks.lose_buffer();
+        for record in self.records.iter_mut().flatten() {
+            record.shape = Shape::of(&record.source);
+        }
         self.mark_where(|_| true);
     }
 
-    fn insert(&mut self, source: ExtractedInstance, limit: u32) {
+    /// What is known of an entity that may bend: slot, shape, mesh and transform.
+    pub fn shape_mut(&mut self, entity: Entity) -> Option<(u32, &mut Shape, AssetId<Mesh>, Affine3A)> {
+        let slot = *self.by_entity.get(&entity)?;
+        let record = self.records.get_mut(slot as usize)?.as_mut()?;
+        Some((slot, &mut record.shape, record.source.mesh, record.source.transform))
+    }
+
+    /// Writes an instance anew.
+    pub fn mark(&mut self, slot: u32) {
+        self.dirty.insert(slot);
+    }
+
+    fn insert(&mut self, source: ExtractedInstance, geometry: &mut Geometry, limit: u32) {
         let entity = source.entity;
         let slot = match self.by_entity.get(&entity) {
             Some(&slot) => slot,
@@ -109,15 +126,38 @@ impl Instances {
                 slot
             }
         };
-        self.records[slot as usize] = Some(Record { source, bounds: Bounds::EMPTY, emits: false });
         self.dirty.insert(slot);
+        let before = self.records[slot as usize].take();
+        let (emits, bounds) = before.as_ref().map_or((false, Bounds::EMPTY), |record| (record.emits, record.bounds));
+        let shape = match before {
+            Some(record) if record.source.deforms == source.deforms && record.source.mesh == source.mesh => {
+                record.shape
+            }
+            before => {
+                before.map(|record| record.shape.free(geometry));
+                Shape::of(&source)
+            }
+        };
+        self.records[slot as usize] = Some(Record { source, shape, bounds, emits });
     }
 
-    fn remove(&mut self, entity: Entity) {
+    fn remove(&mut self, entity: Entity, geometry: &mut Geometry) {
         if let Some(slot) = self.by_entity.remove(&entity) {
-            self.records[slot as usize] = None;
+            if let Some(record) = self.records[slot as usize].take() {
+                record.shape.free(geometry);
+            }
             self.slots.free(slot);
             self.dirty.insert(slot);
+        }
+    }
+
+    /// The mesh assets of these are others than before.
+    fn meshes_changed(&mut self, changed: &HashSet<AssetId<Mesh>>, geometry: &mut Geometry) {
+        for (slot, record) in (0u32..).zip(&mut self.records) {
+            if let Some(record) = record.as_mut().filter(|record| changed.contains(&record.source.mesh)) {
+                std::mem::replace(&mut record.shape, Shape::of(&record.source)).free(geometry);
+                self.dirty.insert(slot);
+            }
         }
     }
 
@@ -159,25 +199,29 @@ pub(super) fn update_instances(
     mut extracted: ResMut<ExtractedInstances>,
     mut meshes: ResMut<Meshes>,
     mut materials: ResMut<Materials>,
+    mut geometry: ResMut<Geometry>,
     cameras: Res<SceneCameras>,
     device: Res<RenderDevice>,
 ) {
     let instances = &mut *instances;
     for entity in extracted.removed.drain(..) {
-        instances.remove(entity);
+        instances.remove(entity, &mut geometry);
     }
     let limit = (buffer_limit(&device).0 / GpuTable::<Instance>::stride()) as u32;
     // Slots go to new instances in the order of their entities, whatever the order of the query.
     let (known, mut new): (Vec<_>, Vec<_>) =
         extracted.changed.drain(..).partition(|source| instances.by_entity.contains_key(&source.entity));
-    new.sort_by_key(|source| source.entity);
+    new.sort_by_key(|source| spawn_order(source.entity));
     for source in known.into_iter().chain(new) {
-        instances.insert(source, limit);
+        instances.insert(source, &mut geometry, limit);
     }
 
     let (meshes, materials) = (meshes.take_changed(), materials.take_changed());
-    if !(meshes.is_empty() && materials.is_empty()) {
-        instances.mark_where(|source| meshes.contains(&source.mesh) || materials.contains(&source.material));
+    if !meshes.is_empty() {
+        instances.meshes_changed(&meshes, &mut geometry);
+    }
+    if !materials.is_empty() {
+        instances.mark_where(|source| materials.contains(&source.material));
     }
     if instances.layers != cameras.layers {
         instances.layers = cameras.layers.clone();
@@ -203,13 +247,13 @@ pub(super) fn resolve_instances(mut instances: ResMut<Instances>, meshes: Res<Me
     for slot in std::mem::take(&mut instances.dirty) {
         let index = slot as usize;
         let before = instances.table.values().get(index).map_or(0, |instance| instance.triangle_count);
-        let source = instances.records[index].as_ref().map(|record| &record.source);
-        if source.is_some_and(|source| !source.transform.is_finite()) && !instances.warned_transform {
+        let record = instances.records[index].as_ref();
+        if record.is_some_and(|record| !record.source.transform.is_finite()) && !instances.warned_transform {
             instances.warned_transform = true;
             warn!("a mesh whose transform is not finite takes no part in bounced light");
         }
         let resolved =
-            source.and_then(|source| resolve(source, &instances.layers, &meshes, &materials)).unwrap_or_default();
+            record.and_then(|record| resolve(record, &instances.layers, &meshes, &materials)).unwrap_or_default();
         chunks_changed |= before != resolved.instance.triangle_count;
         instances.table.set(index, resolved.instance);
         if let Some(record) = &mut instances.records[index] {
@@ -226,32 +270,31 @@ pub(super) fn resolve_instances(mut instances: ResMut<Instances>, meshes: Res<Me
 }
 
 /// `None` for an instance that takes no part; see the module.
-fn resolve(
-    source: &ExtractedInstance,
-    layers: &RenderLayers,
-    meshes: &Meshes,
-    materials: &Materials,
-) -> Option<Resolved> {
-    if !source.enabled || !source.layers.intersects(layers) || !is_sound(&source.transform) {
+fn resolve(record: &Record, layers: &RenderLayers, meshes: &Meshes, materials: &Materials) -> Option<Resolved> {
+    let source = &record.source;
+    if !source.enabled || !source.layers.intersects(layers) {
         return None;
     }
     let mesh = meshes.get(source.mesh)?;
     let material = materials.class(source.material).filter(|material| material.present)?;
-    let bounds = mesh.bounds.transformed(&source.transform);
+    let (deformed_offset, bounds) = match &record.shape {
+        Shape::Rigid if is_sound(&source.transform) => (NONE, mesh.bounds.transformed(&source.transform)),
+        Shape::Deformed(deformed) => (deformed.offset(), deformed.bounds),
+        Shape::Rigid | Shape::Pending => return None,
+    };
     if !(bounds.min.is_finite() && bounds.max.is_finite()) {
         return None;
     }
-    let (matrix, offset) = (source.transform.matrix3, source.transform.translation);
-    let row = |i: usize| Vec4::new(matrix.x_axis[i], matrix.y_axis[i], matrix.z_axis[i], offset[i]);
+    let [x, y, z] = if deformed_offset == NONE { rows(&source.transform) } else { rows(&Affine3A::IDENTITY) };
     let flag = |set: bool, flag: u32| if set { flag } else { 0 };
     let instance = Instance {
-        world_from_local_x: row(0),
-        world_from_local_y: row(1),
-        world_from_local_z: row(2),
+        world_from_local_x: x,
+        world_from_local_y: y,
+        world_from_local_z: z,
         index_offset: mesh.index_offset,
         triangle_count: mesh.triangle_count,
         vertex_offset: mesh.vertex_offset,
-        deformed_offset: NONE,
+        deformed_offset,
         material: material.slot,
         flags: flag(source.two_sided.unwrap_or(material.two_sided), INSTANCE_TWO_SIDED)
             | flag(material.flipped, INSTANCE_FLIPPED),

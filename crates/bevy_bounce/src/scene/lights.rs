@@ -13,7 +13,7 @@ use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Lig
 
 use super::GiLight;
 use super::bounds::Bounds;
-use super::extract::SceneCameras;
+use super::extract::{SceneCameras, spawn_order};
 use super::instances::Instances;
 use super::table::GpuTable;
 
@@ -67,7 +67,7 @@ pub(super) fn extract_lights(
     for (entity, light, common) in &directionals {
         add(entity, common, directional_light(light));
     }
-    lights.sort_by_key(|(entity, _)| *entity);
+    lights.sort_by_key(|(entity, _)| spawn_order(*entity));
 }
 
 /// bevy_pbr's `extract_lights`: candela are lumens over 4 pi.

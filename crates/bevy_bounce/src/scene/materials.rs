@@ -1,12 +1,14 @@
 //! What bounced light needs to know of a `StandardMaterial`.
 //!
-//! - Diffuse albedo is base colour times 1 - metallic, as in Bevy's lighting, times 1 - diffuse transmission.
+//! - Diffuse albedo is base colour times 1 - metallic (factor and texture) and 1 - diffuse transmission, as in Bevy's
+//!   lighting.
 //! - Blended, additive, multiplied and premultiplied surfaces, and those that transmit specularly (glass), are not there:
 //!   light passes them. Masked surfaces are there where alpha reaches their cutoff; alpha to coverage cuts at 0.5.
 //! - Unlit surfaces are as bright as their base colour whatever shines on them: they neither reflect nor emit, and block.
 //! - Emission is what is seen: Bevy shows it without exposure but for `emissive_exposure_weight`, so that its radiance is
 //!   `emissive * mix(1 / exposure, 1, weight)` cd/m^2, by the exposure of the first camera with global illumination.
 //! - Both sides reflect where `double_sided` is set or nothing is culled; `Face::Front` culled turns the surface round.
+//! - Textures count as thumbnails of 16x16 means; until they are loaded the surface is not there, as in Bevy.
 //! - Vertex colours and second UV sets are not looked at.
 
 use bevy::math::{Affine2, Vec3, Vec4};
@@ -14,24 +16,24 @@ use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
 use bevy::render::render_resource::Face;
+use bevy::render::renderer::RenderDevice;
 use bevy_bounce_shaders::types::{Material, NONE};
 
 use super::allocator::SlotAllocator;
 use super::extract::{ExtractedMaterials, SceneCameras};
 use super::table::{GpuTable, buffer_limit};
-use bevy::render::renderer::RenderDevice;
+use super::thumbnails::{Thumbnail, ThumbnailKey, Thumbnails};
 
 /// The part of a `StandardMaterial` that counts.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Surface {
-    /// Linear; alpha as in the material.
-    base_color: Vec4,
-    base_color_texture: Option<AssetId<Image>>,
-    metallic: f32,
-    metallic_texture: Option<AssetId<Image>>,
+    /// Linear; alpha as in the material. Multiplies the thumbnail.
+    albedo: Vec4,
+    albedo_thumbnail: Option<ThumbnailKey>,
+    /// As in the material. Multiplies the thumbnail.
     emissive: Vec3,
+    emissive_thumbnail: Option<ThumbnailKey>,
     emissive_exposure_weight: f32,
-    emissive_texture: Option<AssetId<Image>>,
     uv_transform: Affine2,
     alpha_cutoff: f32,
     /// Light passes it.
@@ -54,17 +56,35 @@ impl Surface {
         };
         let transparent = material.specular_transmission > 0.0
             || !matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage);
-        let albedo_scale = if material.unlit { 0.0 } else { 1.0 - unit(material.diffuse_transmission) };
-        let emissive_scale = if material.unlit { 0.0 } else { 1.0 };
+        let metallic = unit(material.metallic);
+        let metallic_texture =
+            material.metallic_roughness_texture.as_ref().filter(|_| metallic > 0.0 && !material.unlit).map(Handle::id);
+        let albedo_scale = match (material.unlit, metallic_texture) {
+            (true, _) => 0.0,
+            (false, None) => (1.0 - metallic) * (1.0 - unit(material.diffuse_transmission)),
+            (false, Some(_)) => 1.0 - unit(material.diffuse_transmission),
+        };
+        let masked = alpha_cutoff > 0.0;
+        let color = material.base_color_texture.as_ref().filter(|_| masked || !material.unlit).map(Handle::id);
+        let albedo_thumbnail = (color.is_some() || metallic_texture.is_some()).then(|| ThumbnailKey {
+            color,
+            metallic: metallic_texture,
+            metallic_factor: metallic_texture.map_or(0, |_| metallic.to_bits()),
+            masked,
+        });
+        let emissive = Vec3::from(material.emissive.to_f32_array_no_alpha().map(|x| finite(x).max(0.0)));
+        let emissive = if material.unlit { Vec3::ZERO } else { emissive };
+        let emissive_thumbnail = material
+            .emissive_texture
+            .as_ref()
+            .filter(|_| emissive != Vec3::ZERO)
+            .map(|image| ThumbnailKey { color: Some(image.id()), metallic: None, metallic_factor: 0, masked: false });
         Self {
-            base_color: Vec4::from_array(base_color) * Vec3::splat(albedo_scale).extend(1.0),
-            base_color_texture: material.base_color_texture.as_ref().map(Handle::id),
-            metallic: unit(material.metallic),
-            metallic_texture: material.metallic_roughness_texture.as_ref().map(Handle::id),
-            emissive: Vec3::from(material.emissive.to_f32_array_no_alpha().map(|x| finite(x).max(0.0)))
-                * emissive_scale,
+            albedo: Vec4::from_array(base_color) * Vec3::splat(albedo_scale).extend(1.0),
+            albedo_thumbnail,
+            emissive,
+            emissive_thumbnail,
             emissive_exposure_weight: unit(material.emissive_exposure_weight),
-            emissive_texture: material.emissive_texture.as_ref().map(Handle::id),
             uv_transform: if material.uv_transform.is_finite() { material.uv_transform } else { Affine2::IDENTITY },
             alpha_cutoff,
             transparent,
@@ -73,18 +93,26 @@ impl Surface {
         }
     }
 
-    fn to_gpu(&self, exposure: f32) -> Material {
+    fn thumbnails(&self) -> impl Iterator<Item = ThumbnailKey> {
+        self.albedo_thumbnail.into_iter().chain(self.emissive_thumbnail)
+    }
+
+    fn to_gpu(&self, exposure: f32, thumbnails: impl Fn(ThumbnailKey) -> Thumbnail) -> Material {
+        let offset = |key: Option<ThumbnailKey>| match key.map(&thumbnails) {
+            Some(Thumbnail::At(offset)) => offset,
+            Some(Thumbnail::Pending | Thumbnail::None) | None => NONE,
+        };
         let weight = self.emissive_exposure_weight;
         let row = |x: f32, y: f32, offset: f32| Vec4::new(x, y, offset, 0.0);
         let uv = self.uv_transform;
         Material {
-            albedo: self.base_color * Vec3::splat(1.0 - self.metallic).extend(1.0),
+            albedo: self.albedo,
             emissive: (self.emissive * ((1.0 - weight) / exposure + weight)).min(Vec3::splat(f32::MAX)),
             alpha_cutoff: self.alpha_cutoff,
             uv_x: row(uv.matrix2.x_axis.x, uv.matrix2.y_axis.x, uv.translation.x),
             uv_y: row(uv.matrix2.x_axis.y, uv.matrix2.y_axis.y, uv.translation.y),
-            albedo_thumbnail: NONE,
-            emissive_thumbnail: NONE,
+            albedo_thumbnail: offset(self.albedo_thumbnail),
+            emissive_thumbnail: offset(self.emissive_thumbnail),
             padding_a: 0,
             padding_b: 0,
         }
@@ -119,6 +147,8 @@ pub(super) struct Materials {
     slots: SlotAllocator,
     records: HashMap<AssetId<StandardMaterial>, Record>,
     exposure: f32,
+    /// To be written.
+    stale: HashSet<AssetId<StandardMaterial>>,
     changed: HashSet<AssetId<StandardMaterial>>,
 }
 
@@ -129,6 +159,7 @@ impl Default for Materials {
             slots: SlotAllocator::default(),
             records: HashMap::default(),
             exposure: 1.0,
+            stale: HashSet::default(),
             changed: HashSet::default(),
         }
     }
@@ -145,31 +176,40 @@ impl Materials {
         std::mem::take(&mut self.changed)
     }
 
-    fn insert(&mut self, id: AssetId<StandardMaterial>, surface: Surface, limit: u32) {
+    fn insert(&mut self, id: AssetId<StandardMaterial>, surface: Surface, thumbnails: &mut Thumbnails, limit: u32) {
         let slot = match self.records.get(&id) {
             Some(record) => Some(record.class.slot),
             None => self.slots.allocate(limit),
         };
         let Some(slot) = slot else { return };
-        let class = MaterialClass {
-            slot,
-            present: !surface.transparent,
-            two_sided: surface.two_sided,
-            flipped: surface.flipped,
-            emits: surface.emissive != Vec3::ZERO,
-        };
-        self.table.set(slot as usize, surface.to_gpu(self.exposure));
-        if self.class(id) != Some(class) {
-            self.changed.insert(id);
+        surface.thumbnails().for_each(|key| thumbnails.acquire(key));
+        let class = MaterialClass { slot, present: false, two_sided: false, flipped: false, emits: false };
+        if let Some(before) = self.records.get_mut(&id) {
+            before.surface.thumbnails().for_each(|key| thumbnails.release(key));
+            before.surface = surface;
+        } else {
+            self.records.insert(id, Record { surface, class });
         }
-        self.records.insert(id, Record { surface, class });
+        self.stale.insert(id);
     }
 
-    fn remove(&mut self, id: AssetId<StandardMaterial>) {
+    fn remove(&mut self, id: AssetId<StandardMaterial>, thumbnails: &mut Thumbnails) {
         if let Some(record) = self.records.remove(&id) {
+            record.surface.thumbnails().for_each(|key| thumbnails.release(key));
             self.slots.free(record.class.slot);
             self.changed.insert(id);
         }
+    }
+
+    /// All must be written anew.
+    pub fn mark_all(&mut self) {
+        self.stale.extend(self.records.keys().copied());
+    }
+
+    /// Asks for all thumbnails again: those there were are lost.
+    pub fn reacquire(&mut self, thumbnails: &mut Thumbnails) {
+        self.records.values().flat_map(|record| record.surface.thumbnails()).for_each(|key| thumbnails.acquire(key));
+        self.mark_all();
     }
 }
 
@@ -177,21 +217,44 @@ impl Materials {
 pub(super) fn update_materials(
     mut materials: ResMut<Materials>,
     mut extracted: ResMut<ExtractedMaterials>,
+    mut thumbnails: ResMut<Thumbnails>,
     cameras: Res<SceneCameras>,
     device: Res<RenderDevice>,
 ) {
-    let materials = &mut *materials;
     let limit = (buffer_limit(&device).0 / GpuTable::<Material>::stride()) as u32;
     if materials.exposure != cameras.exposure {
         materials.exposure = cameras.exposure;
-        for record in materials.records.values() {
-            materials.table.set(record.class.slot as usize, record.surface.to_gpu(cameras.exposure));
-        }
+        materials.mark_all();
     }
     for (id, surface) in extracted.changed.drain(..) {
         match surface {
-            Some(surface) => materials.insert(id, surface, limit),
-            None => materials.remove(id),
+            Some(surface) => materials.insert(id, surface, &mut thumbnails, limit),
+            None => materials.remove(id, &mut thumbnails),
+        }
+    }
+}
+
+/// Writes the materials that changed, or whose thumbnails did.
+pub(super) fn resolve_materials(mut materials: ResMut<Materials>, mut thumbnails: ResMut<Thumbnails>) {
+    let materials = &mut *materials;
+    if thumbnails.take_settled() {
+        materials.mark_all();
+    }
+    for id in materials.stale.drain() {
+        let Some(record) = materials.records.get_mut(&id) else { continue };
+        let surface = &record.surface;
+        let class = MaterialClass {
+            slot: record.class.slot,
+            present: !surface.transparent && surface.thumbnails().all(|key| thumbnails.get(key) != Thumbnail::Pending),
+            two_sided: surface.two_sided,
+            flipped: surface.flipped,
+            emits: surface.emissive != Vec3::ZERO,
+        };
+        let gpu = surface.to_gpu(materials.exposure, |key| thumbnails.get(key));
+        materials.table.set(class.slot as usize, gpu);
+        if record.class != class {
+            record.class = class;
+            materials.changed.insert(id);
         }
     }
 }
@@ -201,7 +264,7 @@ mod tests {
     use super::*;
 
     fn gpu(material: StandardMaterial, exposure: f32) -> Material {
-        Surface::of(&material).to_gpu(exposure)
+        Surface::of(&material).to_gpu(exposure, |_| Thumbnail::Pending)
     }
 
     #[test]

@@ -7,36 +7,50 @@
 //! | `extract` | main world, by change | components as they are |
 //! | `meshes`, `pack` | extracted mesh assets | geometry buffer |
 //! | `materials` | `StandardMaterial`s | table of [`Material`](bevy_bounce_shaders::types::Material)s |
+//! | `thumbnails` | images | 16x16 means |
 //! | `instances` | all of the above | instances, chunks, bounds |
+//! | `deform` | skins and morph weights | poses, room for deformed vertices |
 //! | `lights` | Bevy's lights, bounds | lights and their powers |
 //! | `prepare` | the tables | buffers, uploads of what changed |
+//! | `passes` | poses, images | deformed vertices, thumbnails, on the GPU |
 //!
 //! What takes part is said in `instances`, `materials` and `lights`.
 
 mod allocator;
 mod bounds;
+mod deform;
 mod extract;
 mod instances;
 mod lights;
 mod materials;
 mod meshes;
 mod pack;
+mod passes;
 mod prepare;
 mod table;
+#[cfg(test)]
+mod tests;
+mod thumbnails;
 
 use bevy::prelude::*;
 use bevy::render::mesh::RenderMesh;
 use bevy::render::render_asset::prepare_assets;
+use bevy::render::renderer::RenderGraph;
+use bevy::render::texture::GpuImage;
 use bevy::render::{ExtractSchedule, Render, RenderApp, RenderStartup, RenderSystems};
 
+use self::deform::{DeformJobs, ExtractedPoses, extract_poses, update_deformed};
 use self::extract::{ExtractedInstances, ExtractedMaterials, SceneCameras};
 use self::extract::{extract_cameras, extract_instances, extract_materials};
 use self::instances::{Instances, resolve_instances, update_instances};
 use self::lights::{ExtractedLights, Lights, extract_lights, update_lights};
-use self::materials::{Materials, update_materials};
+use self::materials::{Materials, resolve_materials, update_materials};
 use self::meshes::collect_meshes;
+use self::passes::{init_pipelines, scene_pass};
 use self::prepare::{init_scene, upload_scene};
+use self::thumbnails::{collect_images, update_thumbnails};
 use crate::GiSystems;
+use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
 
@@ -97,10 +111,10 @@ impl Plugin for GiScenePlugin {
     }
 
     fn finish(&self, app: &mut App) {
-        load_shaders(app);
-        if !app.world().contains_resource::<Assets<StandardMaterial>>() {
+        if !device_is_adequate(app) || !app.world().contains_resource::<Assets<StandardMaterial>>() {
             return;
         }
+        load_shaders(app);
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         configure_stages(render_app);
         render_app
@@ -108,22 +122,35 @@ impl Plugin for GiScenePlugin {
             .init_resource::<ExtractedInstances>()
             .init_resource::<ExtractedMaterials>()
             .init_resource::<ExtractedLights>()
+            .init_resource::<ExtractedPoses>()
             .init_resource::<Instances>()
             .init_resource::<Materials>()
             .init_resource::<Lights>()
-            .add_systems(RenderStartup, init_scene)
+            .init_resource::<DeformJobs>()
+            .add_systems(RenderStartup, (init_scene, init_pipelines))
             .add_systems(
                 ExtractSchedule,
-                (extract_cameras, (extract_instances, extract_materials, extract_lights)).chain(),
+                (extract_cameras, (extract_instances, extract_materials, extract_lights, extract_poses)).chain(),
             )
             .add_systems(
                 Render,
                 (
                     collect_meshes.in_set(RenderSystems::PrepareAssets).before(prepare_assets::<RenderMesh>),
-                    (update_materials, update_instances, resolve_instances, update_lights, upload_scene)
+                    collect_images.in_set(RenderSystems::PrepareAssets).before(prepare_assets::<GpuImage>),
+                    (
+                        update_materials,
+                        update_thumbnails,
+                        resolve_materials,
+                        update_instances,
+                        update_deformed,
+                        resolve_instances,
+                        update_lights,
+                        upload_scene,
+                    )
                         .chain()
                         .in_set(GiSystems::PrepareScene),
                 ),
-            );
+            )
+            .add_systems(RenderGraph, scene_pass.in_set(GiSystems::Scene));
     }
 }

@@ -7,11 +7,13 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::Scene;
 
 use super::bounds::Bounds;
+use super::deform::DeformJobs;
 use super::instances::Instances;
 use super::lights::Lights;
 use super::materials::Materials;
 use super::meshes::{Geometry, Meshes};
 use super::table::STORAGE_USAGES;
+use super::thumbnails::Thumbnails;
 
 /// The scene on the GPU, the same for every camera. Written in `GiSystems::PrepareScene`; every buffer can be bound at any
 /// time, and is a new one after growth: bind groups last as long as [`SceneBuffers::generation`] stays.
@@ -117,11 +119,16 @@ pub(super) fn init_scene(
     mut instances: ResMut<Instances>,
     mut materials: ResMut<Materials>,
     mut lights: ResMut<Lights>,
+    mut deform: ResMut<DeformJobs>,
 ) {
     instances.lose_buffers();
+    deform.lose_buffers();
     materials.table.lose_buffer();
     lights.table.lose_buffer();
     let geometry = Geometry::new(&device);
+    let mut thumbnails = Thumbnails::new(&device);
+    materials.reacquire(&mut thumbnails);
+    commands.insert_resource(thumbnails);
     commands.insert_resource(SceneBuffers::new(&device, &geometry));
     commands.insert_resource(geometry);
     commands.insert_resource(Meshes::default());
@@ -134,6 +141,7 @@ pub(super) fn upload_scene(
     mut materials: ResMut<Materials>,
     mut lights: ResMut<Lights>,
     geometry: Res<Geometry>,
+    thumbnails: Res<Thumbnails>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
@@ -157,6 +165,7 @@ pub(super) fn upload_scene(
     upload!(materials.table, buffers.materials);
     upload!(lights.table, buffers.lights);
     follow(&mut buffers.geometry, Some(&geometry.buffer));
+    follow(&mut buffers.thumbnails, Some(&thumbnails.buffer));
     buffers.generation = generation;
 
     buffers.bounds = instances.bounds();

@@ -1,0 +1,235 @@
+//! Textures as 16x16 means, so that a large textured wall is not one colour.
+//!
+//! A thumbnail is 256 words of one buffer, made on the GPU by `scene/thumbnail.wgsl` when the texture arrives or changes:
+//! base colour times 1 - metallic (the metallic texture is averaged in), or the emissive texture. Any two-dimensional
+//! texture that can be read as floats will do, whatever its compression. What is above 1 in an emissive texture counts as 1.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use bevy::platform::collections::HashMap;
+use bevy::prelude::*;
+use bevy::render::render_asset::{ExtractedAssets, RenderAssets};
+use bevy::render::render_resource::{
+    Buffer, BufferDescriptor, CommandEncoderDescriptor, PipelineCache, TextureDimension, TextureSampleType,
+    TextureViewDimension,
+};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::texture::GpuImage;
+use bevy_bounce_shaders::types::{THUMBNAIL_SIZE, ThumbnailJob};
+
+use super::allocator::SlotAllocator;
+use super::passes::ScenePipelines;
+use super::table::{STORAGE_USAGES, buffer_limit};
+
+/// Words of a thumbnail.
+const WORDS: u32 = THUMBNAIL_SIZE * THUMBNAIL_SIZE;
+
+/// What a thumbnail is made from.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(super) struct ThumbnailKey {
+    /// Its colours; white without.
+    pub color: Option<AssetId<Image>>,
+    /// Its blue channel darkens them.
+    pub metallic: Option<AssetId<Image>>,
+    /// Bits of the factor of the metallic texture.
+    pub metallic_factor: u32,
+    /// Colours count by their alpha.
+    pub masked: bool,
+}
+
+impl ThumbnailKey {
+    fn images(&self) -> impl Iterator<Item = AssetId<Image>> {
+        self.color.into_iter().chain(self.metallic)
+    }
+}
+
+/// What a material gets for a key.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Thumbnail {
+    /// Its images are not loaded yet.
+    Pending,
+    /// An image has no two-dimensional colours, or there is no room: the material goes without.
+    None,
+    /// First word in the buffer.
+    At(u32),
+}
+
+struct Entry {
+    slot: u32,
+    users: u32,
+    state: Thumbnail,
+}
+
+/// A thumbnail that is made this frame.
+pub(super) struct QueuedThumbnail {
+    /// From these.
+    pub key: ThumbnailKey,
+    /// Like this.
+    pub job: ThumbnailJob,
+}
+
+/// All thumbnails in use.
+#[derive(Resource)]
+pub(super) struct Thumbnails {
+    /// It grows by being made anew.
+    pub buffer: Buffer,
+    /// For the pass.
+    pub queue: Vec<QueuedThumbnail>,
+    slots: SlotAllocator,
+    entries: HashMap<ThumbnailKey, Entry>,
+    by_slot: BTreeMap<u32, ThumbnailKey>,
+    wanted: BTreeSet<u32>,
+    settled: bool,
+    limit: u32,
+    limit_name: &'static str,
+    overflowed: bool,
+}
+
+impl Thumbnails {
+    /// An empty one.
+    pub fn new(device: &RenderDevice) -> Self {
+        let (bytes, limit_name) = buffer_limit(device);
+        Self {
+            buffer: thumbnail_buffer(device, 4),
+            queue: Vec::new(),
+            slots: SlotAllocator::default(),
+            entries: HashMap::default(),
+            by_slot: BTreeMap::new(),
+            wanted: BTreeSet::new(),
+            settled: false,
+            limit: (bytes / (u64::from(WORDS) * 4)) as u32,
+            limit_name,
+            overflowed: false,
+        }
+    }
+
+    /// One more user of a thumbnail.
+    pub fn acquire(&mut self, key: ThumbnailKey) {
+        if let Some(entry) = self.entries.get_mut(&key) {
+            entry.users += 1;
+            return;
+        }
+        let Some(slot) = self.slots.allocate(self.limit) else {
+            if !self.overflowed {
+                self.overflowed = true;
+                warn!("more than the {} textures of {}: the rest counts as white", self.limit, self.limit_name);
+            }
+            return;
+        };
+        self.entries.insert(key, Entry { slot, users: 1, state: Thumbnail::Pending });
+        self.by_slot.insert(slot, key);
+        self.wanted.insert(slot);
+    }
+
+    /// One user less.
+    pub fn release(&mut self, key: ThumbnailKey) {
+        let Some(entry) = self.entries.get_mut(&key) else { return };
+        entry.users -= 1;
+        if entry.users == 0 {
+            let slot = entry.slot;
+            self.entries.remove(&key);
+            self.by_slot.remove(&slot);
+            self.wanted.remove(&slot);
+            self.slots.free(slot);
+        }
+    }
+
+    /// What there is for a key.
+    pub fn get(&self, key: ThumbnailKey) -> Thumbnail {
+        self.entries.get(&key).map_or(Thumbnail::None, |entry| entry.state)
+    }
+
+    /// Whether the answer of [`Thumbnails::get`] is another one for some key than at the last call.
+    pub fn take_settled(&mut self) -> bool {
+        std::mem::take(&mut self.settled)
+    }
+
+    fn grow(&mut self, slots: u32, device: &RenderDevice, queue: &RenderQueue) {
+        let held = (self.buffer.size() / (u64::from(WORDS) * 4)) as u32;
+        if slots <= held {
+            return;
+        }
+        let buffer = thumbnail_buffer(device, slots.max(held + held / 2).min(self.limit));
+        let mut encoder =
+            device.create_command_encoder(&CommandEncoderDescriptor { label: Some("bounce_thumbnail_growth") });
+        encoder.copy_buffer_to_buffer(&self.buffer, 0, &buffer, 0, self.buffer.size());
+        queue.submit([encoder.finish()]);
+        self.buffer = buffer;
+    }
+}
+
+fn thumbnail_buffer(device: &RenderDevice, slots: u32) -> Buffer {
+    device.create_buffer(&BufferDescriptor {
+        label: Some("bounce_thumbnails"),
+        size: u64::from(slots) * u64::from(WORDS) * 4,
+        usage: STORAGE_USAGES,
+        mapped_at_creation: false,
+    })
+}
+
+/// Notes the images that arrive or change. Before `prepare_assets::<GpuImage>`, which forgets them.
+pub(super) fn collect_images(mut thumbnails: ResMut<Thumbnails>, extracted: Res<ExtractedAssets<GpuImage>>) {
+    if extracted.added.is_empty() {
+        return;
+    }
+    let thumbnails = &mut *thumbnails;
+    for (slot, key) in &thumbnails.by_slot {
+        if key.images().any(|image| extracted.added.contains(&image)) {
+            thumbnails.wanted.insert(*slot);
+        }
+    }
+}
+
+/// Whether the shader can read it.
+fn is_readable(image: &GpuImage) -> bool {
+    let texture = &image.texture_descriptor;
+    let view = image.texture_view_descriptor.as_ref();
+    let flat = view.and_then(|view| view.dimension).is_none_or(|dimension| dimension == TextureViewDimension::D2);
+    let format = view.and_then(|view| view.format).unwrap_or(texture.format);
+    texture.dimension == TextureDimension::D2
+        && texture.size.depth_or_array_layers == 1
+        && texture.sample_count == 1
+        && flat
+        && !format.is_depth_stencil_format()
+        && matches!(format.sample_type(None, None), Some(TextureSampleType::Float { .. }))
+}
+
+/// Queues the thumbnails whose images are there.
+pub(super) fn update_thumbnails(
+    mut thumbnails: ResMut<Thumbnails>,
+    images: Res<RenderAssets<GpuImage>>,
+    pipelines: Res<ScenePipelines>,
+    cache: Res<PipelineCache>,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+) {
+    let thumbnails = &mut *thumbnails;
+    thumbnails.queue.clear();
+    if thumbnails.wanted.is_empty() || !pipelines.thumbnail.is_ready(&cache) {
+        return;
+    }
+    let slots = thumbnails.wanted.last().map_or(0, |slot| slot + 1);
+    thumbnails.grow(slots, &device, &queue);
+    for slot in std::mem::take(&mut thumbnails.wanted) {
+        let Some(&key) = thumbnails.by_slot.get(&slot) else { continue };
+        let Some(entry) = thumbnails.entries.get_mut(&key) else { continue };
+        if !key.images().all(|image| images.get(image).is_some()) {
+            thumbnails.wanted.insert(slot);
+            continue;
+        }
+        let readable = key.images().all(|image| images.get(image).is_some_and(is_readable));
+        let offset = slot * WORDS;
+        let state = if readable { Thumbnail::At(offset) } else { Thumbnail::None };
+        thumbnails.settled |= entry.state != state;
+        entry.state = state;
+        if readable {
+            let job = ThumbnailJob {
+                offset,
+                masked: u32::from(key.masked),
+                metallic: f32::from_bits(key.metallic_factor),
+                padding: 0,
+            };
+            thumbnails.queue.push(QueuedThumbnail { key, job });
+        }
+    }
+}

@@ -1,0 +1,74 @@
+// A texture as 16x16 means: one workgroup a texel of the thumbnail, RGBA8, colour as the square root of linear.
+//
+// Metals have no diffuse colour, so that the metallic texture darkens the means. Where a texture has mip levels a coarse
+// one is read; where it has none, up to 32x32 of the texels are, evenly spread.
+
+#import bevy_bounce::shared::scene::THUMBNAIL_SIZE
+
+struct ThumbnailJob {
+    offset: u32,
+    masked: u32,
+    metallic: f32,
+    padding: u32,
+}
+
+@group(0) @binding(0) var<uniform> job: ThumbnailJob;
+@group(0) @binding(1) var color_texture: texture_2d<f32>;
+@group(0) @binding(2) var metallic_texture: texture_2d<f32>;
+@group(0) @binding(3) var<storage, read_write> thumbnails: array<u32>;
+
+const THREADS: u32 = 64u;
+/// Texels read along an axis, at most.
+const SAMPLES: u32 = 32u;
+/// Edge, in texels, below which a mip level is not looked for.
+const COARSE: u32 = 64u;
+
+// Colour by weight, and alpha.
+var<workgroup> sums: array<vec4<f32>, 64>;
+var<workgroup> weights: array<f32, 64>;
+
+// The coarsest level that still has `COARSE` texels along its shorter axis.
+fn coarse_level(size: vec2<u32>, levels: u32) -> u32 {
+    let ratio = max(min(size.x, size.y) / COARSE, 1u);
+    return min(firstLeadingBit(ratio), levels - 1u);
+}
+
+@compute @workgroup_size(64)
+fn average(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
+    let level = coarse_level(textureDimensions(color_texture), textureNumLevels(color_texture));
+    let size = textureDimensions(color_texture, level);
+    let metallic_level = coarse_level(textureDimensions(metallic_texture), textureNumLevels(metallic_texture));
+    let metallic_size = textureDimensions(metallic_texture, metallic_level);
+    // The grain is that of the finer of the two.
+    let grain = max(size, metallic_size);
+    let start = vec2<f32>(group.xy) / f32(THUMBNAIL_SIZE);
+    let count = clamp(grain / THUMBNAIL_SIZE, vec2<u32>(1u), vec2<u32>(SAMPLES));
+    let step = 1.0 / (f32(THUMBNAIL_SIZE) * vec2<f32>(count));
+
+    var sum = vec4<f32>(0.0);
+    var total = 0.0;
+    for (var i = thread; i < count.x * count.y; i += THREADS) {
+        let uv = start + (vec2<f32>(vec2<u32>(i % count.x, i / count.x)) + 0.5) * step;
+        let texel = min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
+        let metallic_texel = min(vec2<u32>(uv * vec2<f32>(metallic_size)), metallic_size - 1u);
+        let color = clamp(textureLoad(color_texture, texel, level), vec4<f32>(0.0), vec4<f32>(1.0));
+        let metallic = textureLoad(metallic_texture, metallic_texel, metallic_level).b * job.metallic;
+        let weight = select(1.0, color.a, job.masked != 0u);
+        sum += vec4<f32>(color.rgb * (1.0 - clamp(metallic, 0.0, 1.0)) * weight, color.a);
+        total += weight;
+    }
+    sums[thread] = sum;
+    weights[thread] = total;
+    for (var half = THREADS / 2u; half > 0u; half /= 2u) {
+        workgroupBarrier();
+        if thread < half {
+            sums[thread] += sums[thread + half];
+            weights[thread] += weights[thread + half];
+        }
+    }
+    if thread == 0u {
+        let color = sums[0].rgb / max(weights[0], 1e-6);
+        let alpha = sums[0].a / f32(count.x * count.y);
+        thumbnails[job.offset + group.y * THUMBNAIL_SIZE + group.x] = pack4x8unorm(vec4<f32>(sqrt(color), alpha));
+    }
+}
