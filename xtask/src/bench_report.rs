@@ -127,7 +127,7 @@ impl Report {
 
     /// Voxelisation by triangles; `growth` compares with the row above: 1 is linear, less is better.
     fn growth(&self) -> Table {
-        let mut table = Table::new(["triangles", "voxelize ms", "p95 ms", "ns a triangle", "growth"]);
+        let mut table = Table::new(["triangles", "voxelize ms", "p95 ms", "us a triangle", "growth"]);
         let mut before: Option<(f64, f64)> = None;
         for stats in self.part("growth").filter_map(Row::stats) {
             let Some(times) = stats.stage("voxelize").and_then(|stage| stage.gpu) else {
@@ -140,7 +140,7 @@ impl Report {
                 grouped(stats.triangles),
                 milliseconds(times.median),
                 times.p95.map_or(NONE.to_owned(), milliseconds),
-                format!("{:.1}", 1.0e6 * times.median / now.0),
+                format!("{:.3}", 1.0e3 * times.median / now.0),
                 growth.map_or(NONE.to_owned(), |growth| format!("{growth:.2}")),
             ]);
             before = Some(now);
