@@ -69,3 +69,34 @@ fn main() -> ExitCode {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The first Rust block of a text, without `prefix` at the start of its lines.
+    fn snippet(text: &str, prefix: &str) -> Vec<String> {
+        let lines = text.lines().map(|line| line.strip_prefix(prefix).unwrap_or(line).trim_end());
+        let block = lines.skip_while(|line| !line.starts_with("```")).skip(1).take_while(|line| *line != "```");
+        block.map(str::to_owned).collect()
+    }
+
+    #[test]
+    fn the_readme_shows_what_the_crate_documents() -> Result<()> {
+        let read = |file: &str| std::fs::read_to_string(process::root().join(file));
+        let readme = read("README.md")?;
+        let usage = readme.split_once("## Use it").map(|(_, rest)| rest).unwrap_or_default();
+        let (shown, documented) = (snippet(usage, ""), snippet(&read("crates/bevy_bounce/src/lib.rs")?, "//! "));
+        let documented: Vec<String> = documented.iter().map(|line| line.trim_start_matches("//!").to_owned()).collect();
+        assert_eq!(shown, documented);
+        assert!(shown.len() >= 8, "{shown:?}");
+        Ok(())
+    }
+
+    #[test]
+    fn the_usage_names_every_command() {
+        for command in ["demo", "test", "setup", "ci", "bench", "pictures", "help"] {
+            assert!(USAGE.contains(&format!("\n  {command} ")), "{command}");
+        }
+    }
+}
