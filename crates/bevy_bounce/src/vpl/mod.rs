@@ -5,8 +5,8 @@
 //!
 //! | buffer | bytes at 1024 lights, 12 bounces | holds |
 //! |---|---|---|
-//! | `vertices` | 2.4 MiB | path by path, where it was reflected |
-//! | `paths` | 48 KiB | vertices of each path, and which are in the list |
+//! | `vertices` | 4.9 MiB | path by path, where it was reflected |
+//! | `paths` | 96 KiB | vertices of each path, and which are in the list |
 //! | `brick_counts` | 2 KiB | vertices in each brick of the grid |
 //! | `vpls` | 48 KiB | the list: position, normal, flux |
 //! | `header` | 80 B | where each of the sixteen subsets begins, paths, bound of the geometry term |
@@ -18,7 +18,7 @@
 //!
 //! Points come from an Owen-scrambled Sobol' sequence computed where it is needed, not from a texture. The paper prints the
 //! polar angle of a reflected path as sqrt(cos x); it is acos(sqrt(1 - x)). Paths end by roulette on the albedo, so that
-//! all vertices carry about the same flux, and at a greatest length. Four times as many paths are traced as there are lights in
+//! all vertices carry about the same flux, and at a greatest length. Eight times as many paths are traced as there are lights in
 //! the list, which takes more of their vertices where they are rare: see `vpl/list.wgsl`.
 
 mod passes;

@@ -10,8 +10,8 @@ use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 
 /// Paths traced for each virtual light there is room for. At a mean albedo a, a path has a / (1 - a) vertices: this many give
-/// the list a choice of nine at an albedo of 0.7, and fill it down to 0.2.
-const PATHS_PER_VPL: u32 = 4;
+/// the list a choice of nineteen at an albedo of 0.7, and fill it down to an albedo of a ninth.
+const PATHS_PER_VPL: u32 = 8;
 
 /// Virtual lights on the GPU.
 #[derive(Resource)]
