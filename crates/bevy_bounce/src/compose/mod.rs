@@ -27,7 +27,7 @@ use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSy
 
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
-use crate::view::prepare_view_textures;
+use crate::view::{forget_view_textures, prepare_view_textures};
 use crate::{GiSystems, camera};
 
 /// What the picture of this camera holds; for looking at one term alone.
@@ -74,7 +74,10 @@ impl Plugin for GiComposePlugin {
         configure_stages(render_app);
         render_app
             .init_gpu_resource::<SpecializedRenderPipelines<pipelines::ComposePipelines>>()
-            .add_systems(RenderStartup, pipelines::init_compose_pipelines.after(MeshPipelineSystems))
+            .add_systems(
+                RenderStartup,
+                (pipelines::init_compose_pipelines.after(MeshPipelineSystems), forget_view_textures),
+            )
             .add_systems(ExtractSchedule, extract::extract_views)
             .add_systems(
                 Render,
