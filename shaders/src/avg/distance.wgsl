@@ -1,62 +1,94 @@
-// Chebyshev distance of every voxel to the nearest marked one, so that rays leap over empty space: one axis at a time, each
-// pass the smallest max(step, distance so far) along its axis.
+// Chebyshev distance of every 2^3 block of voxels to the nearest that has a marked one, so that rays leap over empty space:
+// one axis at a time, each pass the smallest max(step, distance so far) along its axis.
 //
-// Cost: three passes; a voxel reads two neighbours per unit of its distance.
+// Cost: every voxel is read once; then three passes over an eighth as many blocks, two reads per unit of their distance.
 
-#import bevy_bounce::shared::grid::{Grid, voxel_index, voxel_count, voxel_facings, DISTANCE_SHIFT, MAX_DISTANCE}
+#import bevy_bounce::shared::grid::{
+    Grid, voxel_index, voxel_facings, leap_dims, DISTANCE_SHIFT, MAX_DISTANCE, LEAP_BLOCK,
+}
 
 @group(0) @binding(0) var<uniform> grid: Grid;
 @group(0) @binding(1) var<storage, read_write> voxels: array<u32>;
-// Along x in the low half word.
-@group(0) @binding(2) var<storage, read_write> along_x: array<u32>;
-@group(0) @binding(3) var<storage, read_write> along_y: array<u32>;
+@group(0) @binding(2) var<storage, read_write> occupied: array<u32>;
+@group(0) @binding(3) var<storage, read_write> along_x: array<u32>;
+@group(0) @binding(4) var<storage, read_write> along_y: array<u32>;
 
 const MAX_WORKGROUPS: u32 = 65535u;
-
-fn voxel_of(index: u32) -> vec3<i32> {
-    return vec3<i32>(vec3<u32>(index % grid.dims.x, (index / grid.dims.x) % grid.dims.y, index / (grid.dims.x * grid.dims.y)));
-}
-
-fn inside(voxel: vec3<i32>) -> bool {
-    return all(voxel >= vec3<i32>(0)) && all(voxel < vec3<i32>(grid.dims));
-}
 
 fn thread_index(group: vec3<u32>, lane: u32) -> u32 {
     return (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
 }
 
-fn distance_x(voxel: vec3<i32>) -> u32 {
-    if !inside(voxel) {
-        return MAX_DISTANCE;
-    }
-    return select(MAX_DISTANCE, 0u, voxel_facings(voxels[voxel_index(grid, voxel)]) != 0u);
+fn block_of(index: u32) -> vec3<i32> {
+    let dims = leap_dims(grid);
+    return vec3<i32>(vec3<u32>(index % dims.x, (index / dims.x) % dims.y, index / (dims.x * dims.y)));
 }
 
-fn distance_y(voxel: vec3<i32>) -> u32 {
-    if !inside(voxel) {
-        return MAX_DISTANCE;
-    }
-    return along_x[voxel_index(grid, voxel)];
+fn is_block(index: u32) -> bool {
+    let dims = leap_dims(grid);
+    return index < dims.x * dims.y * dims.z;
 }
 
-fn distance_z(voxel: vec3<i32>) -> u32 {
-    if !inside(voxel) {
-        return MAX_DISTANCE;
+// Position of a block in the buffers; the second is false outside of the grid.
+fn find(block: vec3<i32>) -> vec2<u32> {
+    let dims = vec3<i32>(leap_dims(grid));
+    if any(block < vec3<i32>(0)) || any(block >= dims) {
+        return vec2<u32>(0u, 0u);
     }
-    return along_y[voxel_index(grid, voxel)];
+    return vec2<u32>(u32((block.z * dims.y + block.y) * dims.x + block.x), 1u);
+}
+
+fn distance_x(block: vec3<i32>) -> u32 {
+    let place = find(block);
+    return select(MAX_DISTANCE, 0u, place.y == 1u && occupied[place.x] != 0u);
+}
+
+fn distance_y(block: vec3<i32>) -> u32 {
+    let place = find(block);
+    return select(MAX_DISTANCE, along_x[place.x], place.y == 1u);
+}
+
+fn distance_z(block: vec3<i32>) -> u32 {
+    let place = find(block);
+    return select(MAX_DISTANCE, along_y[place.x], place.y == 1u);
+}
+
+fn voxel_in(block: vec3<i32>, corner: u32) -> vec3<i32> {
+    return block * i32(LEAP_BLOCK) + vec3<i32>(vec3<u32>(corner, corner >> 1u, corner >> 2u) & vec3<u32>(1u));
+}
+
+fn is_voxel(voxel: vec3<i32>) -> bool {
+    return all(voxel < vec3<i32>(grid.dims));
+}
+
+@compute @workgroup_size(64)
+fn find_occupied(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = thread_index(group, lane);
+    if !is_block(index) {
+        return;
+    }
+    let block = block_of(index);
+    var any_facing = 0u;
+    for (var corner = 0u; corner < 8u; corner++) {
+        let voxel = voxel_in(block, corner);
+        if is_voxel(voxel) {
+            any_facing |= voxel_facings(voxels[voxel_index(grid, voxel)]);
+        }
+    }
+    occupied[index] = any_facing;
 }
 
 @compute @workgroup_size(64)
 fn pass_x(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let index = thread_index(group, lane);
-    if index >= voxel_count(grid) {
+    if !is_block(index) {
         return;
     }
-    let voxel = voxel_of(index);
-    var best = distance_x(voxel);
+    let block = block_of(index);
+    var best = distance_x(block);
     for (var step = 1u; step < best; step++) {
         let offset = vec3<i32>(i32(step), 0, 0);
-        best = min(best, max(step, min(distance_x(voxel - offset), distance_x(voxel + offset))));
+        best = min(best, max(step, min(distance_x(block - offset), distance_x(block + offset))));
     }
     along_x[index] = best;
 }
@@ -64,14 +96,14 @@ fn pass_x(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
 @compute @workgroup_size(64)
 fn pass_y(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let index = thread_index(group, lane);
-    if index >= voxel_count(grid) {
+    if !is_block(index) {
         return;
     }
-    let voxel = voxel_of(index);
-    var best = distance_y(voxel);
+    let block = block_of(index);
+    var best = distance_y(block);
     for (var step = 1u; step < best; step++) {
         let offset = vec3<i32>(0, i32(step), 0);
-        best = min(best, max(step, min(distance_y(voxel - offset), distance_y(voxel + offset))));
+        best = min(best, max(step, min(distance_y(block - offset), distance_y(block + offset))));
     }
     along_y[index] = best;
 }
@@ -79,14 +111,19 @@ fn pass_y(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
 @compute @workgroup_size(64)
 fn pass_z(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let index = thread_index(group, lane);
-    if index >= voxel_count(grid) {
+    if !is_block(index) {
         return;
     }
-    let voxel = voxel_of(index);
-    var best = distance_z(voxel);
+    let block = block_of(index);
+    var best = distance_z(block);
     for (var step = 1u; step < best; step++) {
         let offset = vec3<i32>(0, 0, i32(step));
-        best = min(best, max(step, min(distance_z(voxel - offset), distance_z(voxel + offset))));
+        best = min(best, max(step, min(distance_z(block - offset), distance_z(block + offset))));
     }
-    voxels[index] |= best << DISTANCE_SHIFT;
+    for (var corner = 0u; corner < 8u; corner++) {
+        let voxel = voxel_in(block, corner);
+        if is_voxel(voxel) {
+            voxels[voxel_index(grid, voxel)] |= best << DISTANCE_SHIFT;
+        }
+    }
 }

@@ -1,7 +1,7 @@
 // The voxel grid: where it lies and what its words mean.
 //
-// A voxel is one word: first cell (22 bits), which of the six facings have a cell (6 bits), and the Chebyshev distance
-// to the nearest voxel that has any (4 bits, at most 15, 0 where it has one itself). Cells of a voxel follow each other in
+// A voxel is one word: first cell (22 bits), which of the six facings have a cell (6 bits), and the Chebyshev distance, in
+// blocks of 2^3 voxels, of its block to the nearest that has any (4 bits, at most 15, 0 where it has one itself). Cells of a voxel follow each other in
 // the order of their facings, so a facing's cell is the first cell plus the number of lower facings.
 
 #define_import_path bevy_bounce::shared::grid
@@ -25,6 +25,8 @@ const CELL_MASK: u32 = 0x3fffffu;
 const FACING_MASK: u32 = 0x3fu;
 const DISTANCE_SHIFT: u32 = 28u;
 const MAX_DISTANCE: u32 = 15u;
+/// Edge of the blocks that the distance counts, voxels.
+const LEAP_BLOCK: u32 = 2u;
 
 /// Fixed point: one voxel face of area.
 const AREA_ONE: f32 = 65536.0;
@@ -48,6 +50,11 @@ fn voxel_index(grid: Grid, voxel: vec3<i32>) -> u32 {
 
 fn voxel_count(grid: Grid) -> u32 {
     return grid.dims.x * grid.dims.y * grid.dims.z;
+}
+
+/// Blocks of the distance along each axis.
+fn leap_dims(grid: Grid) -> vec3<u32> {
+    return (grid.dims + (LEAP_BLOCK - 1u)) / LEAP_BLOCK;
 }
 
 fn voxel_facings(word: u32) -> u32 {

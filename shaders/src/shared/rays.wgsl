@@ -11,7 +11,7 @@
 #define_import_path bevy_bounce::shared::rays
 
 #import bevy_bounce::shared::grid::{
-    Grid, Cell, voxel_index, voxel_facings, voxel_distance, cell_plane, cell_area, bounds_low, bounds_high, CELL_MASK,
+    Grid, Cell, voxel_index, voxel_facings, voxel_distance, cell_plane, cell_area, bounds_low, bounds_high, CELL_MASK, LEAP_BLOCK,
 }
 #import bevy_bounce::shared::octahedral::decode_unit
 
@@ -32,6 +32,8 @@ const END_GAP: f32 = 0.02;
 const MAX_STEPS: u32 = 1024u;
 /// Voxels a step goes beyond the boundary it ends at.
 const NUDGE: f32 = 1e-3;
+
+const LEAP: f32 = f32(LEAP_BLOCK);
 
 struct Ray {
     // Voxels from the grid's origin.
@@ -121,9 +123,12 @@ fn trace(ray: Ray) -> Hit {
             continue;
         }
         let word = voxels[voxel_index(grid, vec3<i32>(voxel))];
-        // Edge of the empty cube around the voxel, along the ray.
-        let reach = max(f32(voxel_distance(word)) - 1.0, 0.0);
-        let boundary = voxel + ahead + select(vec3<f32>(-reach), vec3<f32>(reach), safe > vec3<f32>(0.0));
+        // Edge of the empty cube around the voxel's block, or of the voxel, along the ray.
+        let distance = f32(voxel_distance(word));
+        let block = floor(voxel / LEAP) * LEAP;
+        let reach = vec3<f32>((distance - 1.0) * LEAP);
+        let leap = block + ahead * LEAP + select(-reach, reach, safe > vec3<f32>(0.0));
+        let boundary = select(voxel + ahead, leap, distance > 0.0);
         let exits = (boundary - ray.origin) * inverse;
         let leave = max(min(exits.x, min(exits.y, exits.z)), t + NUDGE);
         if voxel_facings(word) != 0u {

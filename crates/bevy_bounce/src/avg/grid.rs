@@ -13,6 +13,8 @@ use crate::settings::GiWorldSettings;
 pub(crate) const SUM_WORDS: u64 = 16;
 /// Voxels a workgroup of the prefix sum takes.
 pub(crate) const BLOCK_VOXELS: u32 = 1024;
+/// Edge of the blocks that distances count, voxels.
+const LEAP_BLOCK: u32 = 2;
 /// Edge of a brick, voxels.
 const BRICK: u32 = 8;
 /// Bricks of large triangles the queue holds; what does not fit is done by the thread that found it, slower.
@@ -41,7 +43,9 @@ pub(crate) struct VoxelGrid {
     pub sums: Buffer,
     /// What the sums come to.
     pub cells: Buffer,
-    /// Chebyshev distance along x.
+    /// Which blocks of 2^3 voxels have a surface.
+    pub occupied: Buffer,
+    /// Chebyshev distance along x, one word a block.
     pub along_x: Buffer,
     /// Chebyshev distance along x and y.
     pub along_y: Buffer,
@@ -55,6 +59,8 @@ impl VoxelGrid {
         let voxels = u64::from(edge).pow(3);
         let limit = u64::from(device.limits().max_storage_buffer_binding_size);
         let cells = (voxels / 2).min(MAX_CELLS).min(limit / (SUM_WORDS * 4));
+        // Blocks round up on every axis: of a grid one voxel thin there are as many as half the voxels.
+        let leaps = voxels / 2 + 1;
         let buffer = |label, size: u64| {
             device.create_buffer(&BufferDescriptor {
                 label: Some(label),
@@ -71,16 +77,17 @@ impl VoxelGrid {
             counters: buffer("bounce_voxel_counters", 16),
             sums: buffer("bounce_voxel_sums", cells * SUM_WORDS * 4),
             cells: buffer("bounce_voxel_cells", cells * u64::from(Cell::min_size())),
-            along_x: buffer("bounce_voxel_distance_x", voxels * 4),
-            along_y: buffer("bounce_voxel_distance_y", voxels * 4),
+            occupied: buffer("bounce_voxel_occupied", leaps * 4),
+            along_x: buffer("bounce_voxel_distance_x", leaps * 4),
+            along_y: buffer("bounce_voxel_distance_y", leaps * 4),
             queue: buffer("bounce_voxel_queue", 4 + QUEUE_ENTRIES * 12),
             edge,
         }
     }
 
-    /// Voxels in use.
-    pub fn voxel_count(&self) -> u32 {
-        self.grid.dims.element_product()
+    /// Blocks of 2^3 voxels. See `leap_dims` in `shared/grid.wgsl`.
+    pub fn leap_count(&self) -> u32 {
+        self.grid.dims.map(|voxels| voxels.div_ceil(LEAP_BLOCK)).element_product()
     }
 
     /// Bricks of 8^3 voxels. See `brick_index` in `shared/grid.wgsl`.
@@ -99,7 +106,7 @@ impl VoxelGrid {
             ("grid: voxels", self.voxels.size() + self.blocks.size() + self.counters.size()),
             ("grid: cells", self.cells.size()),
             ("grid: sums", self.sums.size()),
-            ("grid: distances", self.along_x.size() + self.along_y.size()),
+            ("grid: distances", self.occupied.size() + self.along_x.size() + self.along_y.size()),
             ("grid: queue", self.queue.size()),
         ]
     }

@@ -12,7 +12,7 @@
 //! | `voxels` | 1 MiB | first cell, facings, distance to the nearest occupied voxel |
 //! | `cells` | 2 MiB | albedo, normal, plane, area, bounds: 16 bytes each, room for one cell per two voxels |
 //! | `sums` | 8 MiB | their fixed-point sums |
-//! | `along_x`, `along_y` | 2 MiB | the distance along one and two axes |
+//! | `occupied`, `along_x`, `along_y` | 1.5 MiB | distances in blocks of 2^3 voxels, axis by axis |
 //! | `queue` | 0.8 MiB | bricks of large triangles |
 //!
 //! # Where it differs from the paper

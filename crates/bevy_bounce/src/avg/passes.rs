@@ -13,7 +13,7 @@ use crate::settings::GiWorldSettings;
 
 /// Workgroups that share the queue of bricks.
 const BRICK_WORKGROUPS: u32 = 1024;
-/// Threads of a workgroup of the kernels that take a voxel or a cell each.
+/// Threads of a workgroup of the kernels that take a block or a cell each.
 const GROUP: u32 = 64;
 
 pub(super) fn voxelize(
@@ -55,7 +55,7 @@ pub(super) fn voxelize(
         ],
     );
     let distance =
-        p.distance_x.bind(&device, &cache, &[uniform, whole(&grid.voxels), whole(&grid.along_x), whole(&grid.along_y)]);
+        p.distance_x.bind(&device, &cache, &[uniform, whole(&grid.voxels), whole(&grid.occupied), whole(&grid.along_x), whole(&grid.along_y)]);
 
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
@@ -65,7 +65,7 @@ pub(super) fn voxelize(
     let chunks = folded(scene.chunk_count());
     let bricks = UVec3::new(if chunks == UVec3::ZERO { 0 } else { BRICK_WORKGROUPS }, 1, 1);
     let blocks = folded(grid.block_count());
-    let per_voxel = folded(grid.voxel_count().div_ceil(GROUP));
+    let leaps = folded(grid.leap_count().div_ceil(GROUP));
     let per_cell = folded(grid.grid.cell_capacity.div_ceil(GROUP));
 
     encoder.clear_buffer(&grid.voxels, 0, None);
@@ -80,8 +80,8 @@ pub(super) fn voxelize(
     p.add_triangles.dispatch(encoder, &cache, &[&add], chunks);
     p.add_bricks.dispatch(encoder, &cache, &[&add], bricks);
     p.resolve.dispatch(encoder, &cache, &[&cells], per_cell);
-    p.distance_x.dispatch(encoder, &cache, &[&distance], per_voxel);
-    p.distance_y.dispatch(encoder, &cache, &[&distance], per_voxel);
-    p.distance_z.dispatch(encoder, &cache, &[&distance], per_voxel);
+    for kernel in [&p.find_occupied, &p.distance_x, &p.distance_y, &p.distance_z] {
+        kernel.dispatch(encoder, &cache, &[&distance], leaps);
+    }
     span.end(encoder);
 }

@@ -21,6 +21,7 @@ pub(super) struct AvgPipelines {
     pub add_triangles: Kernel,
     pub add_bricks: Kernel,
     pub resolve: Kernel,
+    pub find_occupied: Kernel,
     pub distance_x: Kernel,
     pub distance_y: Kernel,
     pub distance_z: Kernel,
@@ -60,8 +61,9 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     };
     // Grid; voxels, blocks, counters, sums, cells.
     let cells = |entry| kernel(&cache, &shaders, "avg/cells.wgsl", entry, &[uniform, write, write, write, read, write]);
-    // Grid; voxels, distances along x and along x and y.
-    let distance = |entry| kernel(&cache, &shaders, "avg/distance.wgsl", entry, &[uniform, write, write, write]);
+    // Grid; voxels, occupied blocks, distances along x and along x and y.
+    let distance =
+        |entry| kernel(&cache, &shaders, "avg/distance.wgsl", entry, &[uniform, write, write, write, write]);
     commands.insert_resource(AvgPipelines {
         mark_triangles: voxelize("triangles", false),
         mark_bricks: voxelize("bricks", false),
@@ -71,6 +73,7 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
         add_triangles: voxelize("triangles", true),
         add_bricks: voxelize("bricks", true),
         resolve: cells("resolve"),
+        find_occupied: distance("find_occupied"),
         distance_x: distance("pass_x"),
         distance_y: distance("pass_y"),
         distance_z: distance("pass_z"),
