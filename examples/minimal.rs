@@ -18,10 +18,10 @@ fn setup(mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut materials
     commands.spawn((
         Camera3d::default(),
         GlobalIllumination::default(),
-        Transform::from_xyz(-2.5, 2.6, 6.5).looking_at(Vec3::new(0.2, 0.9, 0.0), Vec3::Y),
+        Transform::from_xyz(1.2, 2.2, 6.0).looking_at(Vec3::new(-0.3, 1.0, 0.0), Vec3::Y),
     ));
     commands.spawn((
-        PointLight { intensity: 600_000.0, shadow_maps_enabled: true, ..default() },
+        PointLight { intensity: 800_000.0, shadow_maps_enabled: true, ..default() },
         Transform::from_xyz(1.5, 3.5, 2.0),
     ));
     for (mesh, color, place) in [

@@ -39,7 +39,7 @@ pub fn check(settings: &WgpuSettings) -> Result<(), Error> {
         compatible_surface: None,
     };
     let adapter = block_on(Instance::new(descriptor).request_adapter(&options))
-        .map_err(|_| Error::Adapter(format!("no graphics adapter found ({backends:?}): {INSTALL}")))?;
+        .map_err(|_| Error::Adapter(format!("no graphics adapter found: {INSTALL}")))?;
     if !matches!(settings.priority, WgpuSettingsPriority::WebGPU) {
         return Ok(());
     }

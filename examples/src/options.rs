@@ -56,7 +56,7 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t = Switch::Off)]
     pub glossy: Switch,
     /// Animation time of the capture, reached by fixed steps from 0: in --frames equal steps, or 60 a second
-    #[arg(long, value_name = "SECONDS", value_parser = parse_seconds)]
+    #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds)]
     pub time: Option<f64>,
     /// Constant sky radiance, cd/m^2
     #[arg(long, value_name = "R,G,B", value_parser = parse_sky)]

@@ -39,7 +39,8 @@ impl SceneFile {
         if !matches!(extension.as_deref(), Some("glb" | "gltf")) {
             return Err(wrong("not a glTF by its name: give a .glb or .gltf".into()));
         }
-        let bytes = std::fs::read(path).map_err(|error| wrong(format!("cannot be read: {error}")))?;
+        let bytes = std::fs::read(path)
+            .map_err(|error| wrong(format!("cannot be read: {error}; give the path of a .glb or .gltf file")))?;
         check_container(&bytes, extension.as_deref() == Some("glb")).map_err(wrong)?;
         let file = gltf::Gltf::from_slice(&bytes).map_err(|error| wrong(describe(error)))?;
         let folder = path.parent().unwrap_or(Path::new(""));
@@ -72,7 +73,7 @@ impl SceneFile {
 
 fn check_container(bytes: &[u8], binary: bool) -> Result<(), String> {
     if bytes.is_empty() {
-        return Err("is empty".into());
+        return Err("is empty; copy it again".into());
     }
     if !bytes.starts_with(b"glTF") {
         return match binary {
@@ -225,5 +226,67 @@ fn projection(camera: &gltf::Camera) -> Projection {
             scaling_mode: ScalingMode::FixedVertical { viewport_height: 2.0 * lens.ymag() },
             ..OrthographicProjection::default_3d()
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::glb::cornell_box;
+
+    /// What is said about a file with these bytes.
+    fn complaint(name: &str, bytes: &[u8]) -> String {
+        let folder = std::env::temp_dir().join(format!("bevy_bounce_check_{}", std::process::id()));
+        let path = folder.join(name);
+        std::fs::create_dir_all(&folder).and_then(|()| std::fs::write(&path, bytes)).expect("a temporary file");
+        SceneFile::open(&path).map(|_| "nothing".to_owned()).unwrap_or_else(|error| error.to_string())
+    }
+
+    /// The Cornell box with its JSON changed.
+    fn altered(from: &str, to: &str) -> Vec<u8> {
+        assert_eq!(from.len(), to.len(), "chunk lengths must stay");
+        let bytes = cornell_box();
+        let at = bytes.windows(from.len()).position(|window| window == from.as_bytes()).expect("the text is there");
+        [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat()
+    }
+
+    #[test]
+    fn good_file_opens() {
+        assert_eq!(complaint("good.glb", &cornell_box()), "nothing");
+    }
+
+    #[test]
+    fn broken_files_are_named_and_explained() {
+        let bytes = cornell_box();
+        let cases: [(&str, Vec<u8>, &str); 10] = [
+            ("scene.obj", bytes.clone(), "give a .glb or .gltf"),
+            ("empty.glb", vec![], "is empty"),
+            ("magic.glb", b"PK\x03\x04 surely not".to_vec(), "is no binary glTF"),
+            ("header.glb", bytes[..9].to_vec(), "is truncated"),
+            ("cut.glb", bytes[..bytes.len() - 100].to_vec(), "is truncated"),
+            ("version.glb", [&bytes[..4], &1u32.to_le_bytes(), &bytes[8..]].concat(), "glTF version 1"),
+            ("text.gltf", b"{ \"asset\": ".to_vec(), "not valid glTF JSON"),
+            (
+                "buffer.gltf",
+                br#"{"asset":{"version":"2.0"},"scenes":[{}],"buffers":[{"byteLength":4,"uri":"absent.bin"}]}"#
+                    .to_vec(),
+                "put it beside the scene",
+            ),
+            ("view.glb", altered(r#""byteOffset":0"#, r#""byteOffset":9"#), "reaches past"),
+            ("camera.glb", altered(r#""camera":0"#, r#""camera":7"#), "camera: Index out of bounds"),
+        ];
+        for (name, bytes, wanted) in cases {
+            let said = complaint(name, &bytes);
+            assert!(said.contains(name) && said.contains(wanted) && !said.contains('\n'), "{name}: {said}");
+        }
+    }
+
+    #[test]
+    fn unknown_camera_lists_those_there_are() {
+        let folder = std::env::temp_dir().join(format!("bevy_bounce_camera_{}.glb", std::process::id()));
+        std::fs::write(&folder, cornell_box()).expect("a temporary file");
+        let file = SceneFile::open(&folder).expect("a good file");
+        assert!(matches!(file.camera(None), Ok(Some(camera)) if camera.name == "main"));
+        assert!(file.camera(Some("aisle")).is_err_and(|error| error.to_string().contains("those there are: main")));
     }
 }

@@ -108,7 +108,7 @@ impl CornellBox {
     /// Strength of the lamp, candela.
     pub const LAMP_CANDELA: f32 = 6000.0;
     /// Inner and outer angle of the lamp's cone, radians from its axis.
-    pub const LAMP_CONE: [f32; 2] = [0.7, 0.85];
+    pub const LAMP_CONE: [f32; 2] = [0.95, 1.1];
     /// Where the camera stands, looking along -z.
     pub const EYE: Vec3 = Vec3::new(0.0, 2.0, 8.4);
     /// Vertical field of view, radians.
