@@ -21,6 +21,9 @@ struct Cli {
     /// blended surfaces
     #[arg(long)]
     matte: bool,
+    /// Turns textures upside down, which is how the path-traced references show them
+    #[arg(long, hide = true)]
+    flip_textures: bool,
     /// Baked visibility for the scene
     #[arg(long, value_name = "FILE.cssm")]
     bake: Option<PathBuf>,
@@ -48,7 +51,7 @@ fn view(cli: &Cli) -> Result<(), Error> {
     let camera = file.camera(cli.camera.as_deref())?.cloned();
     let folder = file.folder();
     app::launch(run, Some(folder), |app| {
-        app.add_plugins(GltfScenePlugin { file, camera, matte: cli.matte });
+        app.add_plugins(GltfScenePlugin { file, camera, matte: cli.matte, flip_textures: cli.flip_textures });
     })
 }
 

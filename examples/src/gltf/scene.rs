@@ -7,6 +7,7 @@ use bevy::camera::Exposure;
 use bevy::camera::primitives::Aabb;
 use bevy::ecs::system::SystemParam;
 use bevy::light::{CascadeShadowConfigBuilder, DirectionalLightShadowMap, PointLightShadowMap};
+use bevy::math::Affine2;
 use bevy::math::bounding::Aabb3d;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
@@ -29,6 +30,8 @@ pub struct GltfScenePlugin {
     pub camera: Option<FileCamera>,
     /// Everything diffuse and two-sided, as the references are.
     pub matte: bool,
+    /// Textures upside down: the path-traced references take v the other way round.
+    pub flip_textures: bool,
 }
 
 /// Exposure until it is measured: a lit room at night.
@@ -39,6 +42,7 @@ struct Loading {
     file: SceneFile,
     camera: Option<FileCamera>,
     matte: bool,
+    flip_textures: bool,
     gltf: Handle<Gltf>,
     /// Frames since the scene was spawned: transforms are global from the first on.
     spawned: Option<u32>,
@@ -63,6 +67,7 @@ impl Plugin for GltfScenePlugin {
             file: self.file.clone(),
             camera: self.camera.clone(),
             matte: self.matte,
+            flip_textures: self.flip_textures,
             gltf: Handle::default(),
             spawned: None,
             root: None,
@@ -159,6 +164,9 @@ fn complete(
     mips::generate(&mut images);
     if loading.matte {
         make_matte(&mut commands, &scene, &mut materials, &mut meshes);
+    }
+    if loading.flip_textures {
+        flip_textures(&mut materials);
     }
     for (_, handle) in &scene.materials {
         if let Some(material) = materials.get(&handle.0)
@@ -318,6 +326,14 @@ fn make_matte(
         if let Some(mut mesh) = meshes.get_mut(&handle.0) {
             mesh.remove_attribute(Mesh::ATTRIBUTE_COLOR);
         }
+    }
+}
+
+/// Textures of the whole file, spawned or not.
+fn flip_textures(materials: &mut Assets<StandardMaterial>) {
+    let flip = Affine2::from_scale_angle_translation(Vec2::new(1.0, -1.0), 0.0, Vec2::Y);
+    for (_, mut material) in materials.iter_mut() {
+        material.uv_transform = flip * material.uv_transform;
     }
 }
 

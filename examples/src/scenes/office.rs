@@ -67,7 +67,7 @@ fn spawn(mut build: Builder) {
     build.commands.spawn((
         Camera3d::default(),
         GlobalIllumination::default(),
-        Exposure { ev100: 6.5 },
+        Exposure { ev100: 5.5 },
         Projection::Perspective(PerspectiveProjection { fov: 0.95, ..default() }),
         Transform::from_xyz(1.4, 1.7, 2.4).looking_at(Vec3::new(-0.5, 0.9, -1.2), Vec3::Y),
     ));
