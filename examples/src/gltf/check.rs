@@ -268,7 +268,7 @@ mod tests {
             ("text.gltf", b"{ \"asset\": ".to_vec(), "not valid glTF JSON"),
             (
                 "buffer.gltf",
-                br#"{"asset":{"version":"2.0"},"scenes":[{}],"buffers":[{"byteLength":4,"uri":"absent.bin"}]}"#
+                br#"{"asset":{"version":"2.0"},"scenes":[{"nodes":[]}],"buffers":[{"byteLength":4,"uri":"absent.bin"}]}"#
                     .to_vec(),
                 "put it beside the scene",
             ),

@@ -332,7 +332,7 @@ fn make_matte(
 /// Textures of the whole file, spawned or not.
 fn flip_textures(materials: &mut Assets<StandardMaterial>) {
     let flip = Affine2::from_scale_angle_translation(Vec2::new(1.0, -1.0), 0.0, Vec2::Y);
-    for (_, mut material) in materials.iter_mut() {
+    for (_, material) in materials.iter_mut() {
         material.uv_transform = flip * material.uv_transform;
     }
 }
