@@ -46,7 +46,6 @@ shaders! {
     "interleaved/surface.wgsl" => [],
     "interleaved/shade.wgsl" => ["shade"],
     "interleaved/filter.wgsl" => ["filter_joined"],
-    "shared/view.wgsl" => [],
     "compose/surface.wgsl" => ["pack"],
     "compose/gbuffer.wgsl" => [],
     "compose/direct.wgsl" => [],

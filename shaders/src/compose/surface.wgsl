@@ -1,6 +1,7 @@
-// Bevy's depth and deferred G-buffer to the surface texture that the passes of a view read.
+// Bevy's depth and deferred G-buffer to the surface texture that the passes of a view read: bits of the reverse-z depth (0:
+// nothing that is to be lit) and the world-space normal, octahedral.
 
-#import bevy_bounce::shared::view::pack_surface
+#import bevy_bounce::shared::octahedral::encode_unit
 #import bevy_pbr::pbr_deferred_types::{unpack_24bit_normal, unpack_flags, DEFERRED_FLAGS_UNLIT_BIT}
 #import bevy_pbr::utils::octahedral_decode
 #import bevy_render::view::View
@@ -24,7 +25,7 @@ fn pack(@builtin(global_invocation_id) id: vec3<u32>) {
     if textureLoad(lighting_pass_id_texture, pixel, 0).x == lighting_pass_id
         && (unpack_flags(normal_and_flags) & DEFERRED_FLAGS_UNLIT_BIT) == 0u {
         let normal = octahedral_decode(unpack_24bit_normal(normal_and_flags));
-        texel = pack_surface(textureLoad(depth_texture, pixel, 0).x, normal);
+        texel = vec2<u32>(bitcast<u32>(textureLoad(depth_texture, pixel, 0).x), encode_unit(normal));
     }
     textureStore(surface, id.xy, vec4<u32>(texel, 0u, 0u));
 }

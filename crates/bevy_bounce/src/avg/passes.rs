@@ -54,8 +54,11 @@ pub(super) fn voxelize(
             whole(&grid.cells),
         ],
     );
-    let distance =
-        p.distance_x.bind(&device, &cache, &[uniform, whole(&grid.voxels), whole(&grid.occupied), whole(&grid.along_x), whole(&grid.along_y)]);
+    let distance = p.distance_x.bind(
+        &device,
+        &cache,
+        &[uniform, whole(&grid.voxels), whole(&grid.occupied), whole(&grid.along_x), whole(&grid.along_y)],
+    );
 
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();

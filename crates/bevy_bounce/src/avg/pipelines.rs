@@ -62,8 +62,7 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     // Grid; voxels, blocks, counters, sums, cells.
     let cells = |entry| kernel(&cache, &shaders, "avg/cells.wgsl", entry, &[uniform, write, write, write, read, write]);
     // Grid; voxels, occupied blocks, distances along x and along x and y.
-    let distance =
-        |entry| kernel(&cache, &shaders, "avg/distance.wgsl", entry, &[uniform, write, write, write, write]);
+    let distance = |entry| kernel(&cache, &shaders, "avg/distance.wgsl", entry, &[uniform, write, write, write, write]);
     commands.insert_resource(AvgPipelines {
         mark_triangles: voxelize("triangles", false),
         mark_bricks: voxelize("bricks", false),

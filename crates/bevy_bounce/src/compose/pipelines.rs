@@ -6,9 +6,7 @@ use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
 use bevy::pbr::deferred::{DeferredLightingPipeline, PbrDeferredLightingDepthId, SkipDeferredLighting};
 use bevy::pbr::{MeshPipeline, MeshPipelineKey, MeshPipelineViewLayout, MeshPipelineViewLayoutKey, ViewKeyCache};
 use bevy::prelude::*;
-use bevy::render::render_resource::binding_types::{
-    texture_2d, texture_2d_array, texture_storage_2d, uniform_buffer,
-};
+use bevy::render::render_resource::binding_types::{texture_2d, texture_2d_array, texture_storage_2d, uniform_buffer};
 use bevy::render::render_resource::{
     BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedPipelineState, CachedRenderPipelineId, ColorTargetState,
     ColorWrites, CompareFunction, DepthBiasState, DepthStencilState, FragmentState, PipelineCache,

@@ -16,9 +16,9 @@ use bevy::prelude::*;
 use bevy::render::{RenderApp, RenderStartup};
 
 use crate::camera::device_is_adequate;
+use crate::compose::ViewPass;
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
-use crate::compose::ViewPass;
 
 /// Lights pixels by virtual lights; see the [module](self).
 pub struct InterleavedShadingPlugin;
