@@ -3,6 +3,7 @@
 
 pub mod grid;
 pub mod random;
+pub mod sampling;
 pub mod voxels;
 
 use bevy::math::{Vec2, Vec3};

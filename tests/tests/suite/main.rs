@@ -3,5 +3,7 @@
 mod harness;
 mod metrics;
 mod octahedral;
+mod paths;
+mod sampling;
 mod shaders;
 mod voxels;

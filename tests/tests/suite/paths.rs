@@ -1,0 +1,365 @@
+//! Light on its way through the grid: rays meet what is there, no energy is lost or made, the list is whole and even.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::f32::consts::PI;
+
+use bevy::math::{Affine3A, Quat, Vec3};
+use bevy_bounce_shaders::types::{
+    LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, SUBSETS, Vpl, VplHeader, VplParameters,
+};
+use bevy_bounce_tests::compose::compose_source;
+use bevy_bounce_tests::gpu::{Resources, gpu};
+use bevy_bounce_tests::scene::{TestScene, cuboid, run, voxelize};
+use bevy_bounce_tests::twins::random::Random;
+
+const PATHS: u32 = 4096;
+
+struct Traced {
+    parameters: VplParameters,
+    vertices: Vec<Vpl>,
+    /// Vertices of each path, and whether the first is on an emissive surface.
+    paths: Vec<(usize, bool)>,
+    resources: Resources,
+}
+
+impl Traced {
+    fn new(scene: &TestScene, voxel_size: f32, max_bounces: u32) -> Self {
+        let grid = scene.grid(voxel_size);
+        let parameters = VplParameters { capacity: 1000, path_count: PATHS, max_bounces, padding: 0 };
+        let slots = PATHS as usize * (max_bounces as usize + 1);
+        let resources = voxelize(gpu(), scene, &grid, None)
+            .uniform("parameters", &parameters)
+            .structs("vertices", &vec![Vpl::default(); slots])
+            .zeroed("lengths", PATHS as usize)
+            .structs("vpls", &vec![Vpl::default(); parameters.capacity as usize])
+            .structs("header", &[VplHeader::default()]);
+        let emissive = scene.chunks(|i| scene.materials[i.material as usize].emissive != Vec3::ZERO).len() as u32;
+        if emissive > 0 {
+            run(gpu(), "vpl/emitters.wgsl", "collect", &resources, [emissive, 1, 1]);
+            run(gpu(), "vpl/emitters.wgsl", "accumulate", &resources, [1, 1, 1]);
+        }
+        run(gpu(), "vpl/trace.wgsl", "trace_paths", &resources, [PATHS.div_ceil(64), 1, 1]);
+        let lengths = resources.read_words("lengths").expect("reads back");
+        let paths = lengths.iter().map(|length| ((length & 0xffff) as usize, length >> 16 != 0)).collect();
+        let vertices = resources.read_structs("vertices").expect("reads back");
+        Self { parameters, vertices, paths, resources }
+    }
+
+    fn path(&self, path: usize) -> &[Vpl] {
+        let start = path * (self.parameters.max_bounces as usize + 1);
+        &self.vertices[start..start + self.paths[path].0]
+    }
+
+    fn all(&self) -> impl Iterator<Item = &Vpl> {
+        (0..self.paths.len()).flat_map(|path| self.path(path))
+    }
+
+    /// Flux of each bounce, lumens.
+    fn flux(&self) -> BTreeMap<u32, Vec3> {
+        let mut flux = BTreeMap::new();
+        for vertex in self.all() {
+            *flux.entry(vertex.bounce).or_insert(Vec3::ZERO) += vertex.flux / PATHS as f32;
+        }
+        flux
+    }
+}
+
+fn point_light(position: Vec3, candela: Vec3) -> Light {
+    let cumulative_power = 4.0 * PI * candela.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+    Light { position, kind: LIGHT_POINT, color: candela, cumulative_power, max_bounces: u32::MAX, ..Default::default() }
+}
+
+/// A closed room of one albedo.
+fn room(albedo: Vec3) -> TestScene {
+    let mut scene = TestScene::new(albedo);
+    scene.room(Vec3::new(-2.0, 0.0, -1.5), Vec3::new(2.0, 2.5, 1.5));
+    scene
+}
+
+fn assert_flux(flux: &BTreeMap<u32, Vec3>, bounce: u32, expected: Vec3, tolerance: f32) {
+    let found = flux.get(&bounce).copied().unwrap_or(Vec3::ZERO);
+    let error = (found - expected).abs() / expected.max(Vec3::splat(1e-9));
+    assert!(error.max_element() < tolerance, "bounce {bounce}: {found} lumens, expected {expected}");
+}
+
+#[test]
+fn no_light_leaves_a_closed_room() {
+    let mut scene = room(Vec3::ONE);
+    scene.soup(&cuboid(Vec3::new(-1.1, 0.0, -0.7), Vec3::new(-0.4, 1.2, 0.1)));
+    scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::splat(10.0)));
+    let traced = Traced::new(&scene, 0.11, 8);
+    let lost = traced.paths.iter().filter(|(length, _)| *length < 8).count();
+    // Where walls meet, a ray may pass between the planes of two voxels.
+    assert!(lost * 2000 <= traced.paths.len() * 8, "{lost} of {PATHS} paths left a room of albedo 1 in 8 bounces");
+    for vertex in traced.all() {
+        let p = vertex.position;
+        let walls = (p.abs() - Vec3::new(2.0, 0.0, 1.5)).abs();
+        let on_wall = walls.x.min(walls.z).min(p.y.abs()).min((p.y - 2.5).abs());
+        let low = (p - Vec3::new(-1.1, 0.0, -0.7)).abs().min_element();
+        let high = (p - Vec3::new(-0.4, 1.2, 0.1)).abs().min_element();
+        assert!(on_wall.min(low).min(high) < 0.03, "{p} is on no surface");
+    }
+}
+
+#[test]
+fn bounces_carry_the_flux_of_their_closed_form() {
+    let albedo = Vec3::new(0.8, 0.6, 0.2);
+    let mut scene = room(albedo);
+    scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::new(30.0, 20.0, 10.0)));
+    let flux = Traced::new(&scene, 0.11, 6).flux();
+    let emitted = Vec3::new(30.0, 20.0, 10.0) * 4.0 * PI;
+    for bounce in 1..=6 {
+        let expected = emitted * albedo.powf(bounce as f32);
+        // Few paths are left after some bounces, and blue is rare among them.
+        assert_flux(&flux, bounce, expected, 0.02 + 0.012 * bounce as f32);
+    }
+    assert!(!flux.contains_key(&7) && !flux.contains_key(&0));
+}
+
+#[test]
+fn lights_share_the_paths_by_power() {
+    let mut scene = room(Vec3::splat(0.5));
+    scene.lights.push(point_light(Vec3::new(1.0, 1.0, 0.0), Vec3::new(3.0, 0.0, 0.0)));
+    scene.lights.push(point_light(Vec3::new(-1.0, 1.0, 0.0), Vec3::new(0.0, 1.0, 0.0)));
+    scene.lights.push(point_light(Vec3::new(-1.0, 1.0, 0.5), Vec3::new(0.0, 0.0, 20.0)));
+    let flux = Traced::new(&scene, 0.11, 2).flux();
+    assert_flux(&flux, 1, Vec3::new(3.0, 1.0, 20.0) * 4.0 * PI * 0.5, 0.1);
+}
+
+#[test]
+fn a_spot_lights_its_cone() {
+    let (inner, outer) = (0.3_f32, 0.6_f32);
+    let scale = 1.0 / (inner.cos() - outer.cos());
+    let candela = 50.0;
+    // Integral of the squared falloff over the cone.
+    let steps = 10_000;
+    let lumens: f32 = (0..steps)
+        .map(|i| {
+            let cosine = outer.cos() + (1.0 - outer.cos()) * (i as f32 + 0.5) / steps as f32;
+            let falloff = (cosine * scale - outer.cos() * scale).clamp(0.0, 1.0);
+            candela * falloff * falloff * 2.0 * PI * (1.0 - outer.cos()) / steps as f32
+        })
+        .sum();
+    let mut scene = room(Vec3::splat(0.5));
+    let direction = Vec3::new(0.2, -1.0, 0.1).normalize();
+    scene.lights.push(Light {
+        position: Vec3::new(0.0, 2.0, 0.0),
+        kind: LIGHT_SPOT,
+        direction,
+        color: Vec3::splat(candela),
+        cumulative_power: lumens,
+        spot_scale: scale,
+        spot_offset: -outer.cos() * scale,
+        spot_cos_outer: outer.cos(),
+        max_bounces: u32::MAX,
+        ..Default::default()
+    });
+    let traced = Traced::new(&scene, 0.11, 1);
+    assert_flux(&traced.flux(), 1, Vec3::splat(lumens * 0.5), 0.03);
+    for vertex in traced.all() {
+        let angle = (vertex.position - Vec3::new(0.0, 2.0, 0.0)).normalize().dot(direction).acos();
+        assert!(angle < outer + 0.02, "light {angle} off the axis of a cone of {outer}");
+    }
+}
+
+#[test]
+fn a_directional_light_falls_on_all_that_faces_it() {
+    let mut scene = TestScene::new(Vec3::splat(0.5));
+    let [a, b, c, d] = [(-3.0, -2.0), (3.0, -2.0), (3.0, 2.0), (-3.0, 2.0)].map(|(x, z)| Vec3::new(x, 0.0, z));
+    scene.soup(&[[a, c, b], [a, d, c]]);
+    // A box above part of the floor casts a shadow and is lit itself: the shadow of the whole decides.
+    scene.soup(&cuboid(Vec3::new(-0.5, 0.5, -0.5), Vec3::new(0.5, 1.5, 0.5)));
+    let direction = Vec3::new(0.0, -1.0, 0.0);
+    scene.lights.push(Light {
+        kind: LIGHT_DIRECTIONAL,
+        direction,
+        color: Vec3::splat(1000.0),
+        cumulative_power: 24_000.0,
+        max_bounces: u32::MAX,
+        ..Default::default()
+    });
+    let traced = Traced::new(&scene, 0.13, 1);
+    assert_flux(&traced.flux(), 1, Vec3::splat(1000.0 * 24.0 * 0.5), 0.03);
+    let top = traced.all().filter(|vertex| (vertex.position.y - 1.5).abs() < 0.02).map(|v| v.flux.x).sum::<f32>();
+    assert!((top / PATHS as f32 / 500.0 - 1.0).abs() < 0.1, "the box's top has {top}");
+}
+
+#[test]
+fn emissive_triangles_are_area_lights() {
+    for (flags, sides) in [(0, 1.0), (bevy_bounce_shaders::types::INSTANCE_TWO_SIDED, 2.0)] {
+        let mut scene = room(Vec3::splat(0.5));
+        let mut lamp = bevy_bounce_tests::scene::matte(Vec3::ZERO);
+        lamp.emissive = Vec3::new(100.0, 50.0, 25.0);
+        scene.materials.push(lamp);
+        let [a, b, c, d] = [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)].map(|(x, z)| Vec3::new(x, 1.5, z));
+        // Faces down.
+        scene.mesh(&[[a, b, c], [a, c, d]], 1, flags, Affine3A::IDENTITY);
+        let traced = Traced::new(&scene, 0.11, 2);
+        let emitted = Vec3::new(100.0, 50.0, 25.0) * PI * sides;
+        assert_flux(&traced.flux(), 0, emitted, 1e-3);
+        assert_flux(&traced.flux(), 1, emitted * 0.5, 0.03);
+        assert!(traced.paths.iter().all(|(_, emissive)| *emissive));
+        let up = traced.all().filter(|vertex| vertex.bounce == 0 && vertex.normal.y > 0.5).count();
+        let expected = if sides == 2.0 { PATHS as usize / 2 } else { 0 };
+        assert!(up.abs_diff(expected) <= 8, "{up} paths start upwards, expected {expected}");
+    }
+}
+
+#[test]
+fn light_ends_at_its_range() {
+    let reach = |range: f32| {
+        let mut scene = room(Vec3::splat(0.5));
+        scene.lights.push(Light { range, ..point_light(Vec3::new(0.0, 1.2, 0.0), Vec3::splat(10.0)) });
+        Traced::new(&scene, 0.11, 1).flux().get(&1).map_or(0.0, |flux| flux.x) / (40.0 * PI * 0.5)
+    };
+    assert!((reach(0.0) - 1.0).abs() < 0.02, "without a range");
+    // Mean of Bevy's window over all directions to the walls.
+    let mut random = Random::new(2);
+    let range = 2.5_f32;
+    let mean: f32 = (0..100_000)
+        .map(|_| {
+            let direction = random.direction();
+            let to = |low: f32, high: f32, d: f32| if d < 0.0 { low / d } else { high / d };
+            let distance = to(-2.0, 2.0, direction.x).min(to(-1.2, 1.3, direction.y)).min(to(-1.5, 1.5, direction.z));
+            (1.0 - (distance / range).powi(4)).clamp(0.0, 1.0).powi(2) / 100_000.0
+        })
+        .sum();
+    assert!((reach(range) / mean - 1.0).abs() < 0.03, "{}, expected {mean}", reach(range));
+    assert!(reach(1.0) < 1e-6, "beyond the range");
+}
+
+#[test]
+fn no_light_no_paths() {
+    let scene = room(Vec3::splat(0.5));
+    let traced = Traced::new(&scene, 0.3, 4);
+    assert!(traced.paths.iter().all(|(length, _)| *length == 0));
+}
+
+#[test]
+fn the_list_is_whole_and_even() {
+    let mut scene = room(Vec3::splat(0.6));
+    let mut lamp = bevy_bounce_tests::scene::matte(Vec3::ZERO);
+    lamp.emissive = Vec3::splat(20.0);
+    scene.materials.push(lamp);
+    let strip = [Vec3::new(-0.5, 1.5, 0.0), Vec3::new(0.5, 1.5, 0.0), Vec3::new(0.0, 1.5, 0.5)];
+    scene.mesh(&[strip], 1, 0, Affine3A::from_rotation_translation(Quat::from_rotation_z(0.3), Vec3::ZERO));
+    scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::splat(3.0)));
+    let traced = Traced::new(&scene, 0.2, 6);
+    run(gpu(), "vpl/list.wgsl", "build_list", &traced.resources, [1, 1, 1]);
+    let header = traced.resources.read_structs::<VplHeader>("header").expect("reads back")[0];
+    let list = traced.resources.read_structs::<Vpl>("vpls").expect("reads back");
+
+    // As many whole paths as there is room for.
+    let mut total = 0;
+    let kept = traced.paths.iter().take_while(|(length, _)| {
+        total += length;
+        total <= traced.parameters.capacity as usize
+    });
+    let kept = kept.count();
+    assert_eq!(header.path_count as usize, kept);
+    let expected: Vec<&Vpl> = (0..kept).flat_map(|path| traced.path(path)).collect();
+    assert_eq!(header.count as usize, expected.len());
+    assert!(kept > 200 && kept < PATHS as usize, "{kept} paths: the list should be full");
+
+    // Each vertex once, its flux divided by the paths.
+    let scaled = |vpl: &Vpl| Vpl { flux: vpl.flux * (1.0 / kept as f32), ..*vpl };
+    let by_key: BTreeMap<_, _> = expected.iter().map(|vpl| ((vpl.path, vpl.bounce), scaled(vpl))).collect();
+    let mut seen = BTreeSet::new();
+    for vpl in &list[..header.count as usize] {
+        let key = (vpl.path, vpl.bounce);
+        assert!(seen.insert(key), "{key:?} is twice in the list");
+        let twin = by_key.get(&key).unwrap_or_else(|| panic!("{key:?} is not a vertex"));
+        assert_eq!((vpl.position, vpl.normal), (twin.position, twin.normal));
+        assert!((vpl.flux - twin.flux).abs().max_element() <= 1e-6 * twin.flux.max_element(), "flux of {key:?}");
+    }
+
+    // Each subset has its share of each bounce.
+    let subset_count = |level: u32, subset: usize| {
+        let range = header.subset_start[subset] as usize..header.subset_start[subset + 1] as usize;
+        list[range].iter().filter(|vpl| vpl.bounce == level).count()
+    };
+    assert_eq!((header.subset_start[0], header.subset_start[SUBSETS]), (0, header.count));
+    for level in 0..=6 {
+        let of_level = expected.iter().filter(|vpl| vpl.bounce == level).count();
+        for subset in 0..SUBSETS {
+            let count = subset_count(level, subset);
+            let share = of_level as f64 / SUBSETS as f64;
+            assert!((count as f64 - share).abs() < 1.0, "subset {subset} has {count} of {of_level} of bounce {level}");
+        }
+    }
+}
+
+/// Rays against exact geometry.
+#[test]
+fn rays_meet_what_is_there() {
+    const SHOOT: &str = "
+        #import bevy_bounce::shared::rays::{trace, to_grid, grid, Ray}
+        @group(0) @binding(0) var<storage, read> rays: array<vec4<f32>>;
+        @group(0) @binding(1) var<storage, read_write> hits: array<f32>;
+        @compute @workgroup_size(64)
+        fn shoot(@builtin(global_invocation_id) id: vec3<u32>) {
+            if id.x >= arrayLength(&hits) {
+                return;
+            }
+            var ray: Ray;
+            ray.origin = to_grid(rays[2u * id.x].xyz);
+            ray.direction = rays[2u * id.x + 1u].xyz;
+            ray.length = rays[2u * id.x].w / grid.voxel_size;
+            let hit = trace(ray);
+            hits[id.x] = select(-1.0, hit.t * grid.voxel_size, hit.found);
+        }";
+    let mut scene = TestScene::new(Vec3::splat(0.5));
+    let turn = Affine3A::from_rotation_translation(Quat::from_euler(bevy::math::EulerRot::XYZ, 0.4, 0.7, 0.2), Vec3::Y);
+    let walls = cuboid(Vec3::new(-2.0, -1.25, -1.5), Vec3::new(2.0, 1.25, 1.5)).map(|[a, b, c]| [a, c, b]);
+    scene.mesh(&walls, 0, 0, turn);
+    scene.mesh(
+        &cuboid(Vec3::splat(-0.4), Vec3::splat(0.4)),
+        0,
+        0,
+        Affine3A::from_translation(Vec3::new(0.3, 1.0, 0.2)),
+    );
+    let grid = scene.grid(0.12);
+    let resources = voxelize(gpu(), &scene, &grid, None);
+    let mut random = Random::new(23);
+    let count = 4000;
+    let mut rays = Vec::new();
+    while rays.len() < count {
+        let local = random.vector() * Vec3::new(1.8, 1.05, 1.3);
+        let origin = turn.transform_point3(local);
+        if (origin - Vec3::new(0.3, 1.0, 0.2)).abs().max_element() > 0.6 {
+            rays.push((origin, random.direction()));
+        }
+    }
+    let packed: Vec<f32> = rays.iter().flat_map(|(o, d)| [o.x, o.y, o.z, 100.0, d.x, d.y, d.z, 0.0]).collect();
+    let resources = resources.floats("rays", &packed).zeroed("hits", count);
+    let kernel = gpu().kernel(&compose_source(SHOOT, "shoot.wgsl", &[]).expect("composes"), "shoot");
+    gpu().dispatch(&kernel.expect("the device takes it"), &resources, [count.div_ceil(64) as u32, 1, 1]).expect("runs");
+    let hits = resources.read_floats("hits").expect("reads back");
+    let (mut missed, mut off) = (0, 0);
+    for (&(origin, direction), &hit) in rays.iter().zip(&hits) {
+        let exact = scene.triangles.iter().filter_map(|t| intersect(t, origin, direction)).fold(f32::MAX, f32::min);
+        if hit < 0.0 {
+            missed += 1;
+        } else if (hit - exact).abs() > 1.0 * grid.voxel_size {
+            off += 1;
+        }
+    }
+    assert!(missed * 200 <= count, "{missed} of {count} rays leave a closed room");
+    assert!(off * 50 <= count, "{off} of {count} rays end a voxel and more off");
+}
+
+/// Distance to the front of a triangle. Moeller and Trumbore 1997.
+fn intersect([a, b, c]: &[Vec3; 3], origin: Vec3, direction: Vec3) -> Option<f32> {
+    let (e1, e2) = (*b - *a, *c - *a);
+    let p = direction.cross(e2);
+    let determinant = e1.dot(p);
+    if determinant <= 0.0 {
+        return None;
+    }
+    let to = origin - *a;
+    let u = to.dot(p) / determinant;
+    let q = to.cross(e1);
+    let v = direction.dot(q) / determinant;
+    let t = e2.dot(q) / determinant;
+    (u >= 0.0 && v >= 0.0 && u + v <= 1.0 && t > 0.0).then_some(t)
+}
