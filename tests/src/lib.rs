@@ -9,6 +9,7 @@
 //! | [`picture`], [`metrics`], [`flip`] | pictures and how far apart they are |
 //! | [`references`] | where scenes and path-traced references are |
 //! | [`scene`] | small scenes in the form that the shaders read |
+//! | [`stage`] | a scene rendered without a window |
 //! | [`stats`] | chi-squared test |
 //! | [`twins`] | the shaders again, in plain Rust |
 //!
@@ -24,6 +25,7 @@ pub mod metrics;
 pub mod picture;
 pub mod references;
 pub mod scene;
+pub mod stage;
 pub mod stats;
 pub mod translate;
 pub mod twins;

@@ -1,9 +1,11 @@
 //! All tests of bevy_bounce that need more than one crate: one binary, because each links Bevy.
 
+mod compose;
 mod harness;
 mod metrics;
 mod octahedral;
 mod paths;
+mod pictures;
 mod sampling;
 mod shaders;
 mod voxels;

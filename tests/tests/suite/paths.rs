@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 
 use bevy::math::{Affine3A, Quat, Vec3};
 use bevy_bounce_shaders::types::{
-    LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, SUBSETS, Vpl, VplHeader, VplParameters,
+    LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Path, SUBSETS, Vpl, VplHeader, VplParameters,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -17,8 +17,9 @@ const PATHS: u32 = 4096;
 struct Traced {
     parameters: VplParameters,
     vertices: Vec<Vpl>,
-    /// Vertices of each path, and whether the first is on an emissive surface.
-    paths: Vec<(usize, bool)>,
+    paths: Vec<Path>,
+    /// Vertices in each brick.
+    brick_counts: Vec<u32>,
     resources: Resources,
 }
 
@@ -30,7 +31,8 @@ impl Traced {
         let resources = voxelize(gpu(), scene, &grid, None)
             .uniform("parameters", &parameters)
             .structs("vertices", &vec![Vpl::default(); slots])
-            .zeroed("lengths", PATHS as usize)
+            .structs("paths", &vec![Path::default(); PATHS as usize])
+            .zeroed("brick_counts", grid.dims.map(|voxels| voxels.div_ceil(8)).element_product() as usize)
             .structs("vpls", &vec![Vpl::default(); parameters.capacity as usize])
             .structs("header", &[VplHeader::default()]);
         let emissive = scene.chunks(|i| scene.materials[i.material as usize].emissive != Vec3::ZERO).len() as u32;
@@ -39,15 +41,15 @@ impl Traced {
             run(gpu(), "vpl/emitters.wgsl", "accumulate", &resources, [1, 1, 1]);
         }
         run(gpu(), "vpl/trace.wgsl", "trace_paths", &resources, [PATHS.div_ceil(64), 1, 1]);
-        let lengths = resources.read_words("lengths").expect("reads back");
-        let paths = lengths.iter().map(|length| ((length & 0xffff) as usize, length >> 16 != 0)).collect();
+        let paths = resources.read_structs("paths").expect("reads back");
+        let brick_counts = resources.read_words("brick_counts").expect("reads back");
         let vertices = resources.read_structs("vertices").expect("reads back");
-        Self { parameters, vertices, paths, resources }
+        Self { parameters, vertices, paths, brick_counts, resources }
     }
 
     fn path(&self, path: usize) -> &[Vpl] {
         let start = path * (self.parameters.max_bounces as usize + 1);
-        &self.vertices[start..start + self.paths[path].0]
+        &self.vertices[start..start + self.paths[path].length as usize]
     }
 
     fn all(&self) -> impl Iterator<Item = &Vpl> {
@@ -88,7 +90,7 @@ fn no_light_leaves_a_closed_room() {
     scene.soup(&cuboid(Vec3::new(-1.1, 0.0, -0.7), Vec3::new(-0.4, 1.2, 0.1)));
     scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::splat(10.0)));
     let traced = Traced::new(&scene, 0.11, 8);
-    let lost = traced.paths.iter().filter(|(length, _)| *length < 8).count();
+    let lost = traced.paths.iter().filter(|path| path.length < 8).count();
     // Where walls meet, a ray may pass between the planes of two voxels.
     assert!(lost * 2000 <= traced.paths.len() * 8, "{lost} of {PATHS} paths left a room of albedo 1 in 8 bounces");
     for vertex in traced.all() {
@@ -198,7 +200,7 @@ fn emissive_triangles_are_area_lights() {
         let emitted = Vec3::new(100.0, 50.0, 25.0) * PI * sides;
         assert_flux(&traced.flux(), 0, emitted, 1e-3);
         assert_flux(&traced.flux(), 1, emitted * 0.5, 0.03);
-        assert!(traced.paths.iter().all(|(_, emissive)| *emissive));
+        assert!(traced.paths.iter().all(|path| path.first_bounce == 0));
         let up = traced.all().filter(|vertex| vertex.bounce == 0 && vertex.normal.y > 0.5).count();
         let expected = if sides == 2.0 { PATHS as usize / 2 } else { 0 };
         assert!(up.abs_diff(expected) <= 8, "{up} paths start upwards, expected {expected}");
@@ -232,7 +234,7 @@ fn light_ends_at_its_range() {
 fn no_light_no_paths() {
     let scene = room(Vec3::splat(0.5));
     let traced = Traced::new(&scene, 0.3, 4);
-    assert!(traced.paths.iter().all(|(length, _)| *length == 0));
+    assert!(traced.paths.iter().all(|path| path.length == 0));
 }
 
 #[test]
@@ -249,28 +251,34 @@ fn the_list_is_whole_and_even() {
     let header = traced.resources.read_structs::<VplHeader>("header").expect("reads back")[0];
     let list = traced.resources.read_structs::<Vpl>("vpls").expect("reads back");
 
-    // As many whole paths as there is room for.
-    let mut total = 0;
-    let kept = traced.paths.iter().take_while(|(length, _)| {
-        total += length;
-        total <= traced.parameters.capacity as usize
-    });
-    let kept = kept.count();
-    assert_eq!(header.path_count as usize, kept);
-    let expected: Vec<&Vpl> = (0..kept).flat_map(|path| traced.path(path)).collect();
-    assert_eq!(header.count as usize, expected.len());
-    assert!(kept > 200 && kept < PATHS as usize, "{kept} paths: the list should be full");
+    assert_eq!(header.path_count, PATHS);
+    let (all, count) = (traced.all().count(), header.count as usize);
+    assert!(all > 2 * traced.parameters.capacity as usize, "{all} vertices are no choice");
+    assert!(count <= 1000 && count >= 990, "{count} lights in a list of 1000");
 
-    // Each vertex once, its flux divided by the paths.
-    let scaled = |vpl: &Vpl| Vpl { flux: vpl.flux * (1.0 / kept as f32), ..*vpl };
-    let by_key: BTreeMap<_, _> = expected.iter().map(|vpl| ((vpl.path, vpl.bounce), scaled(vpl))).collect();
+    // Each vertex once at most, with the flux of those that it stands for: the rarer light is, the more of it is taken.
+    let by_key: BTreeMap<_, _> = traced.all().map(|vpl| ((vpl.path, vpl.bounce), vpl)).collect();
     let mut seen = BTreeSet::new();
-    for vpl in &list[..header.count as usize] {
+    let mut scales = Vec::new();
+    for vpl in &list[..count] {
         let key = (vpl.path, vpl.bounce);
         assert!(seen.insert(key), "{key:?} is twice in the list");
-        let twin = by_key.get(&key).unwrap_or_else(|| panic!("{key:?} is not a vertex"));
-        assert_eq!((vpl.position, vpl.normal), (twin.position, twin.normal));
-        assert!((vpl.flux - twin.flux).abs().max_element() <= 1e-6 * twin.flux.max_element(), "flux of {key:?}");
+        let vertex = by_key.get(&key).unwrap_or_else(|| panic!("{key:?} is not a vertex"));
+        assert_eq!((vpl.position, vpl.normal), (vertex.position, vertex.normal));
+        let stands_for = vpl.flux.max_element() * PATHS as f32 / vertex.flux.max_element();
+        assert!(stands_for > 0.999, "{key:?} has less than its flux");
+        if stands_for > 1.001 {
+            scales.push((traced.brick_counts[vpl.brick as usize] as f32).sqrt() / stands_for);
+        }
+    }
+    let (low, high) = scales.iter().fold((f32::MAX, 0.0_f32), |(low, high), s| (low.min(*s), high.max(*s)));
+    assert!(high / low < 1.001, "probabilities do not follow the density: {low} to {high}");
+    for level in 0..=6 {
+        let sum =
+            |vpls: &mut dyn Iterator<Item = &Vpl>| vpls.filter(|v| v.bounce == level).map(|v| v.flux.x).sum::<f32>();
+        let expected = sum(&mut traced.all()) / PATHS as f32;
+        let found = sum(&mut list[..count].iter());
+        assert!((found / expected - 1.0).abs() < 0.06, "bounce {level} has {found} lumens, expected {expected}");
     }
 
     // Each subset has its share of each bounce.
@@ -280,7 +288,7 @@ fn the_list_is_whole_and_even() {
     };
     assert_eq!((header.subset_start[0], header.subset_start[SUBSETS]), (0, header.count));
     for level in 0..=6 {
-        let of_level = expected.iter().filter(|vpl| vpl.bounce == level).count();
+        let of_level = list[..count].iter().filter(|vpl| vpl.bounce == level).count();
         for subset in 0..SUBSETS {
             let count = subset_count(level, subset);
             let share = of_level as f64 / SUBSETS as f64;

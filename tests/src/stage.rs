@@ -1,0 +1,102 @@
+//! A scene rendered without a window, frame by frame, with the helpers of the examples.
+
+use std::time::Duration;
+
+use bevy::prelude::*;
+use bevy_bounce::{GiIsolate, GiSettings, GlobalIllumination, Quality, Technique, VplVisibility};
+use bevy_bounce_examples::capture::{self, CaptureScene, Targets};
+use bevy_bounce_examples::{Run, app, headless};
+
+use crate::gpu::webgpu_limits;
+use crate::picture::Picture;
+
+/// Settings that a software adapter renders in a moment.
+pub const SMALL: GiSettings = GiSettings { grid: 32, vpls: 256, bounces: 6, visibility: VplVisibility::Voxel };
+
+/// Global illumination with those settings.
+pub fn illumination(settings: GiSettings) -> GlobalIllumination {
+    GlobalIllumination { technique: Technique::InstantRadiosity, quality: Quality::Custom(settings) }
+}
+
+/// An app with one scene.
+pub struct Stage {
+    app: App,
+    size: UVec2,
+}
+
+impl Stage {
+    /// Builds the app, adds the scene and waits until everything is there. The scene spawns a `Camera3d`; it renders to a
+    /// target of that size, with bounced light alone.
+    pub fn new(size: UVec2, settings: GiSettings, scene: impl FnOnce(&mut App)) -> Self {
+        Self::with_run(run(size, Some(illumination(settings))), scene)
+    }
+
+    /// With every option of a run.
+    pub fn with_run(run: Run, scene: impl FnOnce(&mut App)) -> Self {
+        let size = run.size;
+        let mut app = app::build(&run, None);
+        scene(&mut app);
+        headless::warm_up(&mut app).unwrap_or_else(|error| panic!("{error}"));
+        let mut stage = Self { app, size };
+        let target = stage.app.world().resource::<Targets>().scene.clone();
+        let mut cameras = stage.app.world_mut().query_filtered::<Entity, With<Camera3d>>();
+        let cameras: Vec<Entity> = cameras.iter(stage.app.world()).collect();
+        for camera in cameras {
+            stage.app.world_mut().entity_mut(camera).insert(CaptureScene(target.clone()));
+        }
+        stage.frame(Duration::ZERO);
+        stage
+    }
+
+    /// The world, to change it between frames.
+    pub fn world(&mut self) -> &mut World {
+        self.app.world_mut()
+    }
+
+    /// The only entity with that component.
+    pub fn only<T: Component>(&mut self) -> Entity {
+        let mut query = self.app.world_mut().query_filtered::<Entity, With<T>>();
+        query.single(self.app.world()).unwrap_or_else(|error| panic!("{}: {error}", std::any::type_name::<T>()))
+    }
+
+    /// Changes how the camera is lit.
+    pub fn light_by(&mut self, illumination: GlobalIllumination) {
+        let camera = self.only::<Camera3d>();
+        self.world().entity_mut(camera).insert(illumination);
+    }
+
+    /// Renders a frame that much later in animation time.
+    pub fn frame(&mut self, step: Duration) {
+        headless::frame(&mut self.app, step).unwrap_or_else(|error| panic!("{error}"));
+    }
+
+    /// The next frame, in cd/m^2.
+    pub fn picture(&mut self) -> Picture {
+        self.frame(Duration::ZERO);
+        let pixels = capture::luminances(&mut self.app).unwrap_or_else(|error| panic!("{error}"));
+        Picture { width: self.size.x as usize, height: self.size.y as usize, pixels }
+    }
+
+    /// The next frame after all that new settings need has been compiled: two frames are thrown away.
+    pub fn settled_picture(&mut self) -> Picture {
+        self.frame(Duration::ZERO);
+        self.frame(Duration::ZERO);
+        self.picture()
+    }
+}
+
+/// A run without a window: bounced light alone, or everything where there is none.
+pub fn run(size: UVec2, illumination: Option<GlobalIllumination>) -> Run {
+    Run {
+        outputs: Vec::new(),
+        headless: true,
+        size,
+        steps: Vec::new(),
+        isolate: if illumination.is_some() { GiIsolate::Indirect } else { GiIsolate::All },
+        illumination,
+        exposure: None,
+        webgpu_limits: webgpu_limits(),
+        stats: None,
+        plain_bevy: false,
+    }
+}

@@ -1,0 +1,290 @@
+//! Whole frames: against a path-traced reference, against themselves, and with every setting live.
+
+use bevy::camera::Exposure;
+use bevy::prelude::*;
+use bevy_bounce::{GiLight, GiSettings, GlobalIllumination, Technique, VoxelizedMesh, VplVisibility};
+use bevy_bounce_examples::scenes::{Builder, CornellPlugin, Walls};
+use bevy_bounce_tests::metrics::{Bounds, Metrics, compare};
+use bevy_bounce_tests::picture::Picture;
+use bevy_bounce_tests::references::committed_file;
+use bevy_bounce_tests::stage::{SMALL, Stage, illumination, run};
+
+const SIZE: UVec2 = UVec2::new(64, 36);
+
+fn cornell(settings: GiSettings) -> Stage {
+    Stage::new(SIZE, settings, |app| {
+        app.add_plugins(CornellPlugin);
+    })
+}
+
+fn black(picture: &Picture) -> bool {
+    picture.pixels.iter().all(|pixel| *pixel == [0.0; 3])
+}
+
+/// `tests/data/cornell_box.indirect.exr` is path-traced from `assets/cornell_box.glb`; the scene is the same by its numbers.
+#[test]
+fn cornell_box_equals_its_reference() {
+    let reference = Picture::load(&committed_file("cornell_box.indirect.exr")).expect("is committed");
+    let bounds = Bounds { energy: Some((0.88, 1.08)), low: Some(0.2), flip: Some(0.14), nrmse: None };
+    let mut stage = cornell(GiSettings { grid: 64, vpls: 1024, bounces: 12, visibility: VplVisibility::Voxel });
+    let picture = stage.picture();
+    let metrics = compare(&picture, &reference, &bounds).unwrap_or_else(|error| panic!("{error}"));
+    println!("{metrics:?}");
+    // The bounds would notice: without shadows there is too much light, with one bounce too little, and not there.
+    for wrong in [GiSettings { visibility: VplVisibility::None, ..SMALL }, GiSettings { bounces: 1, ..SMALL }] {
+        stage.light_by(illumination(wrong));
+        let picture = stage.settled_picture();
+        compare(&picture, &reference, &bounds).expect_err("the bounds are too wide to tell");
+    }
+}
+
+#[test]
+fn frames_are_the_same_to_the_byte_and_follow_every_change() {
+    let mut stage = cornell(SMALL);
+    let first = stage.picture();
+    assert!(first.nonfinite() == 0 && !black(&first), "there is bounced light");
+    assert!(first == stage.picture(), "two frames of a scene that does not change differ");
+    assert!(first == cornell(SMALL).picture(), "the same scene started afresh differs");
+
+    // Every setting is live, and going back gives the first picture again.
+    let changed = [
+        ("grid", GiSettings { grid: 24, ..SMALL }),
+        ("vpls", GiSettings { vpls: 512, ..SMALL }),
+        ("bounces", GiSettings { bounces: 2, ..SMALL }),
+        ("visibility", GiSettings { visibility: VplVisibility::None, ..SMALL }),
+    ];
+    for (name, settings) in changed {
+        stage.light_by(illumination(settings));
+        let picture = stage.settled_picture();
+        let metrics = Metrics::new(&picture, &first).expect("sizes are equal");
+        assert!(picture.nonfinite() == 0 && metrics.nrmse > 0.01, "{name} has no effect");
+    }
+    stage.light_by(illumination(SMALL));
+    assert!(first == stage.settled_picture(), "a setting left something behind");
+
+    // Light: off, on, moved, scaled, out of it. In the frame in which it changes.
+    let lamp = stage.only::<SpotLight>();
+    let intensity = stage.world().get::<SpotLight>(lamp).map_or(0.0, |light| light.intensity);
+    let set = |stage: &mut Stage, value: f32| {
+        if let Some(mut light) = stage.world().get_mut::<SpotLight>(lamp) {
+            light.intensity = value;
+        }
+    };
+    set(&mut stage, 0.0);
+    assert!(black(&stage.picture()), "a light that is switched off bounces on");
+    set(&mut stage, intensity * 2.0);
+    let twice = stage.picture();
+    assert!((twice.mean_luminance() / first.mean_luminance() - 2.0).abs() < 0.01, "twice the light");
+    set(&mut stage, intensity);
+    assert!(first == stage.picture(), "light that is back differs");
+    stage.world().entity_mut(lamp).insert(GiLight::OFF);
+    assert!(black(&stage.picture()), "GiLight::OFF bounces");
+    stage.world().entity_mut(lamp).insert(GiLight { intensity: 0.5, ..default() });
+    let half = stage.picture();
+    assert!((half.mean_luminance() / first.mean_luminance() - 0.5).abs() < 0.01, "half the light");
+    stage.world().entity_mut(lamp).insert(GiLight { bounces: 1, ..default() });
+    assert!(stage.picture().mean_luminance() < 0.95 * first.mean_luminance(), "GiLight::bounces");
+    stage.world().entity_mut(lamp).remove::<GiLight>();
+    assert!(first == stage.picture(), "a marker left something behind");
+    let place = *stage.world().get::<Transform>(lamp).expect("has a place");
+    stage.world().entity_mut(lamp).insert(place.with_translation(place.translation + Vec3::X));
+    assert!(first != stage.picture(), "a light that moved does not show");
+    stage.world().entity_mut(lamp).insert(place);
+    assert!(first == stage.picture(), "a light that moved back differs");
+
+    meshes_follow(&mut stage, &first);
+
+    // Without the component, then with it again.
+    let camera = stage.only::<Camera3d>();
+    stage.world().entity_mut(camera).remove::<GlobalIllumination>();
+    stage.frame(std::time::Duration::ZERO);
+    stage.light_by(illumination(SMALL));
+    assert!(first == stage.settled_picture(), "a camera that lost and got bounced light differs");
+    stage.light_by(GlobalIllumination { technique: Technique::None, ..default() });
+    assert!(first != stage.settled_picture());
+}
+
+fn named(stage: &mut Stage, name: &str) -> Entity {
+    let mut query = stage.world().query::<(Entity, &Name)>();
+    let found = query.iter(stage.world()).find(|(_, n)| n.as_str() == name).map(|(entity, _)| entity);
+    found.unwrap_or_else(|| panic!("no {name}"))
+}
+
+/// Hidden, moved, repainted, despawned, respawned.
+fn meshes_follow(stage: &mut Stage, first: &Picture) {
+    let wall = named(stage, "left");
+    let reddish = |picture: &Picture| {
+        let mean = picture.mean_of(0..64, 0..36);
+        mean[0] / mean[1]
+    };
+    let red = reddish(first);
+    stage.world().entity_mut(wall).insert(VoxelizedMesh::OFF);
+    let without = stage.picture();
+    assert!(reddish(&without) < 0.9 * red, "VoxelizedMesh::OFF reflects");
+    stage
+        .world()
+        .entity_mut(wall)
+        .insert(VoxelizedMesh { albedo: Some(Color::linear_rgb(0.0, 0.0, 0.9)), ..default() });
+    let blue = stage.picture();
+    assert!(reddish(&blue) < 0.9 * red && blue != without, "VoxelizedMesh::albedo");
+    stage.world().entity_mut(wall).remove::<VoxelizedMesh>();
+    assert!(*first == stage.picture(), "a marker left something behind");
+
+    let block = named(stage, "short block");
+    let place = *stage.world().get::<Transform>(block).expect("has a place");
+    stage.world().entity_mut(block).insert(place.with_translation(place.translation + Vec3::Y));
+    assert!(*first != stage.picture(), "a block that moved does not show");
+    stage.world().entity_mut(block).insert(place);
+    assert!(*first == stage.picture(), "a block that moved back differs");
+    stage.world().entity_mut(block).insert(Visibility::Hidden);
+    let hidden = stage.picture();
+    assert!(*first != hidden, "a hidden block reflects");
+    let mesh = stage.world().get::<Mesh3d>(block).expect("has a mesh").clone();
+    let material = stage.world().get::<MeshMaterial3d<StandardMaterial>>(block).expect("has a material").clone();
+    stage.world().despawn(block);
+    assert!(hidden == stage.picture(), "a block that is gone is not the same as a hidden one");
+    stage.world().spawn((mesh, material.clone(), place, Name::new("short block")));
+    let back = stage.settled_picture();
+    let bounds = Bounds { energy: Some((0.999, 1.001)), nrmse: Some(0.01), ..default() };
+    compare(&back, first, &bounds).unwrap_or_else(|error| panic!("a block that came back: {error}"));
+
+    let paint = |stage: &mut Stage, color: LinearRgba| {
+        let mut materials = stage.world().resource_mut::<Assets<StandardMaterial>>();
+        let mut paint = materials.get_mut(&material.0).expect("is there");
+        std::mem::replace(&mut paint.base_color, color.into())
+    };
+    let was = paint(stage, LinearRgba::BLACK);
+    let dark = stage.settled_picture();
+    assert!(dark.mean_luminance() < 0.98 * back.mean_luminance(), "a repainted block reflects as before");
+    paint(stage, was.into());
+    assert!(back == stage.settled_picture(), "paint that is back differs");
+}
+
+/// What no scene should have, and what it should not break.
+#[test]
+fn bad_input_gives_a_sane_picture() {
+    use bevy::asset::RenderAssetUsages;
+    use bevy::mesh::{Indices, PrimitiveTopology};
+
+    let mut stage = Stage::new(SIZE, SMALL, |app| {
+        app.add_systems(Startup, |mut commands: Commands| {
+            commands.spawn((Camera3d::default(), Exposure { ev100: 6.0 }, Transform::from_xyz(0.0, 1.0, 4.0)));
+        });
+    });
+    assert!(black(&stage.picture()), "nothing is lit in an empty scene");
+
+    let floor = stage.world().resource_mut::<Assets<Mesh>>().add(Plane3d::default().mesh().size(4.0, 4.0));
+    let paint = stage.world().resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial::default());
+    stage.world().spawn((Mesh3d(floor.clone()), MeshMaterial3d(paint.clone())));
+    assert!(black(&stage.settled_picture()), "nothing is lit without a light");
+    let light = PointLight { intensity: 50_000.0, ..default() };
+    stage.world().spawn((light, Transform::from_xyz(0.5, 1.0, 0.5)));
+    let wall = stage.world().resource_mut::<Assets<Mesh>>().add(Cuboid::new(2.0, 2.0, 0.1));
+    stage.world().spawn((Mesh3d(wall), MeshMaterial3d(paint.clone()), Transform::from_xyz(0.0, 1.0, -1.0)));
+    let good = stage.settled_picture();
+    assert!(!black(&good) && good.nonfinite() == 0, "floor and wall light each other");
+
+    let list = || Mesh::new(PrimitiveTopology::TriangleList, RenderAssetUsages::default());
+    let corners = vec![[0.0, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, 0.3, 0.0]];
+    let nan = vec![[f32::NAN, 0.0, 0.0], [0.3, f32::INFINITY, 0.0], [0.0, 0.3, 0.0]];
+    let with = |mesh: Mesh, positions: Vec<[f32; 3]>| mesh.with_inserted_attribute(Mesh::ATTRIBUTE_POSITION, positions);
+    // A mesh without positions is left out: Bevy's own prepass stops the renderer on it.
+    let bad = [
+        ("no normals, indices or UVs", with(list(), corners.clone())),
+        ("no vertices", with(list(), Vec::new())),
+        ("indices without vertices", with(list(), Vec::new()).with_inserted_indices(Indices::U32(vec![0, 1, 2]))),
+        (
+            "indices beyond the vertices",
+            with(list(), corners.clone()).with_inserted_indices(Indices::U16(vec![0, 1, 900])),
+        ),
+        ("half a triangle", with(list(), corners.clone()).with_inserted_indices(Indices::U16(vec![0, 1, 2, 0]))),
+        ("NaN positions", with(list(), nan)),
+        ("lines", with(Mesh::new(PrimitiveTopology::LineList, RenderAssetUsages::default()), corners)),
+    ];
+    for (name, mesh) in bad {
+        let mesh = stage.world().resource_mut::<Assets<Mesh>>().add(mesh);
+        let hidden = Transform::from_xyz(0.0, -3.0, 0.0);
+        let entity = stage.world().spawn((Mesh3d(mesh), MeshMaterial3d(paint.clone()), hidden)).id();
+        let picture = stage.settled_picture();
+        assert!(picture.nonfinite() == 0 && !black(&picture), "{name}");
+        stage.world().despawn(entity);
+    }
+    let bad = [
+        ("scale of zero", Transform::from_scale(Vec3::ZERO)),
+        ("flat", Transform::from_scale(Vec3::new(1.0, 0.0, 1.0))),
+        ("NaN scale", Transform::from_scale(Vec3::NAN)),
+        ("NaN place", Transform::from_translation(Vec3::NAN)),
+        ("infinitely far", Transform::from_translation(Vec3::INFINITY)),
+        ("mirrored", Transform::from_scale(Vec3::new(-1.0, 1.0, 1.0))),
+    ];
+    for (name, transform) in bad {
+        let entity = stage.world().spawn((Mesh3d(floor.clone()), MeshMaterial3d(paint.clone()), transform)).id();
+        let picture = stage.settled_picture();
+        assert!(picture.nonfinite() == 0 && !black(&picture), "{name}");
+        stage.world().despawn(entity);
+    }
+    for (name, intensity, place) in [
+        ("NaN light", f32::NAN, Vec3::Y),
+        ("infinite light", f32::INFINITY, Vec3::Y),
+        ("negative light", -1000.0, Vec3::Y),
+        ("light nowhere", 1000.0, Vec3::NAN),
+        ("light in a wall", 1000.0, Vec3::new(0.0, 1.0, -1.0)),
+    ] {
+        let light = PointLight { intensity, ..default() };
+        let entity = stage.world().spawn((light, Transform::from_translation(place))).id();
+        let picture = stage.settled_picture();
+        assert_eq!(picture.nonfinite(), 0, "{name}");
+        stage.world().despawn(entity);
+    }
+    assert!(good == stage.settled_picture(), "what is gone left something behind");
+}
+
+/// Two rooms that share a wall of 10 cm in a scene of 8 m: light in one, none in the other.
+#[test]
+fn a_sealed_room_stays_dark() {
+    let mut stage = Stage::new(SIZE, GiSettings { grid: 64, vpls: 1024, ..SMALL }, |app| {
+        app.add_systems(Startup, |mut build: Builder| {
+            let white = build.paint([0.7; 3]);
+            let walls = Walls {
+                floor: white.clone(),
+                ceiling: white.clone(),
+                back: white.clone(),
+                front: white.clone(),
+                left: white.clone(),
+                right: white.clone(),
+            };
+            build.room(Vec3::new(-4.0, 0.0, -2.0), Vec3::new(-0.05, 3.0, 2.0), &walls);
+            build.room(Vec3::new(0.05, 0.0, -2.0), Vec3::new(4.0, 3.0, 2.0), &walls);
+            build.commands.spawn((
+                PointLight { intensity: 500_000.0, range: 100.0, ..default() },
+                Transform::from_xyz(-2.0, 2.0, 0.3),
+            ));
+            build.commands.spawn((Camera3d::default(), Exposure { ev100: 6.0 }, look(-1.0)));
+        });
+    });
+    let bright = stage.picture();
+    let camera = stage.only::<Camera3d>();
+    stage.world().entity_mut(camera).insert(look(1.0));
+    let dark = stage.picture();
+    let share = dark.mean_luminance() / bright.mean_luminance();
+    assert!(bright.mean_luminance() > 1.0, "the bright room is lit: {}", bright.mean_luminance());
+    assert!(share < 0.01, "{:.2} % of the light is in the dark room", 100.0 * share);
+}
+
+/// From the far end of one room towards the wall that it shares.
+fn look(side: f32) -> Transform {
+    Transform::from_xyz(3.7 * side, 1.5, 1.2).looking_at(Vec3::new(0.0, 1.5, -0.4), Vec3::Y)
+}
+
+#[test]
+fn plugins_without_a_camera_leave_bevys_picture() {
+    let mut with = run(SIZE, None);
+    let scene = |app: &mut App| {
+        app.add_plugins(CornellPlugin);
+    };
+    let ours = Stage::with_run(with.clone(), scene).picture();
+    with.plain_bevy = true;
+    let bevys = Stage::with_run(with, scene).picture();
+    let metrics = Metrics::new(&ours, &bevys).expect("sizes are equal");
+    assert!(bevys.mean_luminance() > 1.0 && metrics.flip <= 0.005, "{metrics:?}");
+}
