@@ -38,7 +38,7 @@ shaders! {
     "scene/thumbnail.wgsl" => ["average"],
     "avg/voxelize.wgsl" => ["triangles", "bricks"],
     "avg/cells.wgsl" => ["count_blocks", "scan_blocks", "assign_cells", "resolve"],
-    "avg/distance.wgsl" => ["pass_x", "pass_y", "pass_z"],
+    "avg/distance.wgsl" => ["find_occupied", "pass_x", "pass_y", "pass_z"],
     "vpl/types.wgsl" => [],
     "vpl/emitters.wgsl" => ["collect", "accumulate"],
     "vpl/trace.wgsl" => ["trace_paths"],

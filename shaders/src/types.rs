@@ -192,8 +192,8 @@ pub struct ThumbnailJob {
     pub masked: u32,
     /// Metallic factor; multiplies the blue channel of the metallic texture.
     pub metallic: f32,
-    /// Keeps rows of 16 bytes.
-    pub padding: u32,
+    /// Mip levels of the colour texture in the low half, of the metallic texture in the high half.
+    pub mip_levels: u32,
 }
 
 /// Where the voxel grid lies.

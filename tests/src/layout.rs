@@ -31,8 +31,23 @@ macro_rules! layouts {
 
 /// Layouts of all structs of `types.rs`, by name, as encase writes them.
 pub fn rust_layouts() -> BTreeMap<String, Layout> {
-    let known =
-        layouts![Instance, Chunk, Material, Light, Scene, Grid, Cell, Vpl, Path, Emitter, VplParameters, VplHeader,];
+    let known = layouts![
+        Instance,
+        Chunk,
+        Material,
+        Light,
+        Scene,
+        Grid,
+        Cell,
+        Vpl,
+        DeformJob,
+        DeformChunk,
+        ThumbnailJob,
+        Path,
+        Emitter,
+        VplParameters,
+        VplHeader,
+    ];
     let fields = struct_fields(TYPES);
     let mut layouts = BTreeMap::new();
     for (name, (offsets, size)) in known {

@@ -206,8 +206,9 @@ pub fn voxelize(gpu: &Gpu, scene: &TestScene, grid: &Grid, queue_entries: Option
         .zeroed("counters", 4)
         .zeroed("sums", grid.cell_capacity as usize * 16)
         .structs("cells", &vec![Cell::default(); grid.cell_capacity as usize])
-        .zeroed("along_x", voxels)
-        .zeroed("along_y", voxels)
+        .zeroed("occupied", leap_count(grid))
+        .zeroed("along_x", leap_count(grid))
+        .zeroed("along_y", leap_count(grid))
         .zeroed("queue", queue);
     let chunks = scene.chunks(|_| true).len() as u32;
     let run_chunks = |defs: &[&str], resources: &Resources| {
@@ -223,10 +224,20 @@ pub fn voxelize(gpu: &Gpu, scene: &TestScene, grid: &Grid, queue_entries: Option
     resources = resources.zeroed("queue", queue);
     run_chunks(&["ACCUMULATE"], &resources);
     run(gpu, "avg/cells.wgsl", "resolve", &resources, [grid.cell_capacity.div_ceil(64), 1, 1]);
-    for pass in ["pass_x", "pass_y", "pass_z"] {
-        run(gpu, "avg/distance.wgsl", pass, &resources, [voxels.div_ceil(64) as u32, 1, 1]);
-    }
+    measure_distances(gpu, grid, &resources);
     resources
+}
+
+/// Blocks of 2^3 voxels that distances count.
+pub fn leap_count(grid: &Grid) -> usize {
+    grid.dims.map(|voxels| voxels.div_ceil(2)).element_product() as usize
+}
+
+/// Runs the kernels that store in each voxel how far rays may leap.
+pub fn measure_distances(gpu: &Gpu, grid: &Grid, resources: &Resources) {
+    for pass in ["find_occupied", "pass_x", "pass_y", "pass_z"] {
+        run(gpu, "avg/distance.wgsl", pass, resources, [leap_count(grid).div_ceil(64) as u32, 1, 1]);
+    }
 }
 
 /// Words of a vertex, for tests that reach into the geometry.

@@ -9,7 +9,8 @@ struct ThumbnailJob {
     offset: u32,
     masked: u32,
     metallic: f32,
-    padding: u32,
+    // Of the colour texture in the low half, of the metallic one in the high half: GLSL ES cannot ask a texture.
+    mip_levels: u32,
 }
 
 @group(0) @binding(0) var<uniform> job: ThumbnailJob;
@@ -35,9 +36,9 @@ fn coarse_level(size: vec2<u32>, levels: u32) -> u32 {
 
 @compute @workgroup_size(64)
 fn average(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let level = coarse_level(textureDimensions(color_texture), textureNumLevels(color_texture));
+    let level = coarse_level(textureDimensions(color_texture), job.mip_levels & 0xffffu);
     let size = textureDimensions(color_texture, level);
-    let metallic_level = coarse_level(textureDimensions(metallic_texture), textureNumLevels(metallic_texture));
+    let metallic_level = coarse_level(textureDimensions(metallic_texture), job.mip_levels >> 16u);
     let metallic_size = textureDimensions(metallic_texture, metallic_level);
     // The grain is that of the finer of the two.
     let grain = max(size, metallic_size);

@@ -14,7 +14,7 @@ pub fn voxel_facings(word: u32) -> u32 {
     word >> CELL_BITS & 0x3f
 }
 
-/// Chebyshev distance to the nearest voxel that has any, at most 15.
+/// Chebyshev distance, in blocks of 2^3 voxels, to the nearest block that has any, at most 15.
 pub fn voxel_distance(word: u32) -> u32 {
     word >> 28
 }

@@ -100,5 +100,5 @@ pub(super) fn scene_pass(
 }
 
 fn job_words(job: &ThumbnailJob) -> [u32; 4] {
-    [job.offset, job.masked, job.metallic.to_bits(), 0]
+    [job.offset, job.masked, job.metallic.to_bits(), job.mip_levels]
 }

@@ -223,11 +223,14 @@ pub(super) fn update_thumbnails(
         thumbnails.settled |= entry.state != state;
         entry.state = state;
         if readable {
+            let levels = |image: Option<AssetId<Image>>| {
+                image.and_then(|id| images.get(id)).map_or(1, |image| image.texture.mip_level_count())
+            };
             let job = ThumbnailJob {
                 offset,
                 masked: u32::from(key.masked),
                 metallic: f32::from_bits(key.metallic_factor),
-                padding: 0,
+                mip_levels: levels(key.color) | levels(key.metallic) << 16,
             };
             thumbnails.queue.push(QueuedThumbnail { key, job });
         }
