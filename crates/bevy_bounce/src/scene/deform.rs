@@ -180,6 +180,12 @@ impl Default for DeformJobs {
 }
 
 impl DeformJobs {
+    /// What its buffers hold on the GPU, bytes.
+    pub fn bytes(&self) -> u64 {
+        let buffers = [self.jobs.buffer(), self.chunks.buffer(), self.pose.buffer()];
+        buffers.into_iter().flatten().map(|buffer| buffer.size()).sum()
+    }
+
     /// The device the buffers were made on is gone.
     pub fn lose_buffers(&mut self) {
         self.jobs.lose_buffer();

@@ -49,7 +49,6 @@ pub(super) struct Instances {
     dirty: BTreeSet<u32>,
     layers: RenderLayers,
     bounds: Bounds,
-    triangle_count: u64,
     overflowed: bool,
     warned_transform: bool,
 }
@@ -66,7 +65,6 @@ impl Default for Instances {
             dirty: BTreeSet::new(),
             layers: RenderLayers::default(),
             bounds: Bounds::EMPTY,
-            triangle_count: 0,
             overflowed: false,
             warned_transform: false,
         }
@@ -77,11 +75,6 @@ impl Instances {
     /// Box of all that takes part.
     pub fn bounds(&self) -> Bounds {
         self.bounds
-    }
-
-    /// Triangles that take part.
-    pub fn triangle_count(&self) -> u64 {
-        self.triangle_count
     }
 
     /// The device the buffers were made on is gone.
@@ -179,7 +172,6 @@ impl Instances {
         };
         self.chunks.replace(with_emission(false));
         self.emissive_chunks.replace(with_emission(true));
-        self.triangle_count = self.table.values().iter().map(|instance| u64::from(instance.triangle_count)).sum();
     }
 }
 

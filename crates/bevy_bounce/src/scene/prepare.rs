@@ -16,7 +16,7 @@ use super::table::STORAGE_USAGES;
 use super::thumbnails::Thumbnails;
 
 /// The scene on the GPU, the same for every camera. Written in `GiSystems::PrepareScene`; every buffer can be bound at any
-/// time, and is a new one after growth: bind groups last as long as [`SceneBuffers::generation`] stays.
+/// time, and is a new one after growth: bind groups are made anew every frame.
 #[derive(Resource)]
 pub(crate) struct SceneBuffers {
     /// `array<u32>`: vertices, indices, deformed vertices. See `types.rs`.
@@ -35,8 +35,7 @@ pub(crate) struct SceneBuffers {
     pub lights: Buffer,
     uniform: UniformBuffer<Scene>,
     bounds: Bounds,
-    triangle_count: u64,
-    generation: u64,
+    pose_bytes: u64,
 }
 
 impl SceneBuffers {
@@ -59,8 +58,7 @@ impl SceneBuffers {
             lights: placeholder(),
             uniform: UniformBuffer::default(),
             bounds: Bounds::EMPTY,
-            triangle_count: 0,
-            generation: 0,
+            pose_bytes: 0,
         }
     }
 
@@ -84,21 +82,6 @@ impl SceneBuffers {
         self.uniform.get().emissive_chunk_count
     }
 
-    /// Triangles that take part.
-    pub fn triangle_count(&self) -> u64 {
-        self.triangle_count
-    }
-
-    /// Lights that take part.
-    pub fn light_count(&self) -> u32 {
-        self.uniform.get().light_count
-    }
-
-    /// Another one whenever a buffer is a new one.
-    pub fn generation(&self) -> u64 {
-        self.generation
-    }
-
     /// What each buffer holds on the GPU, bytes.
     pub fn bytes(&self) -> Vec<(&'static str, u64)> {
         vec![
@@ -108,6 +91,7 @@ impl SceneBuffers {
             ("scene: materials", self.materials.size()),
             ("scene: thumbnails", self.thumbnails.size()),
             ("scene: lights", self.lights.size()),
+            ("scene: poses", self.pose_bytes),
         ]
     }
 }
@@ -142,15 +126,14 @@ pub(super) fn upload_scene(
     mut lights: ResMut<Lights>,
     geometry: Res<Geometry>,
     thumbnails: Res<Thumbnails>,
+    deform: Res<DeformJobs>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
     let (buffers, instances) = (&mut *buffers, &mut *instances);
-    let mut generation = buffers.generation;
-    let mut follow = |held: &mut Buffer, current: Option<&Buffer>| {
-        if let Some(current) = current.filter(|current| current.id() != held.id()) {
+    let follow = |held: &mut Buffer, current: Option<&Buffer>| {
+        if let Some(current) = current {
             *held = current.clone();
-            generation += 1;
         }
     };
     macro_rules! upload {
@@ -166,10 +149,9 @@ pub(super) fn upload_scene(
     upload!(lights.table, buffers.lights);
     follow(&mut buffers.geometry, Some(&geometry.buffer));
     follow(&mut buffers.thumbnails, Some(&thumbnails.buffer));
-    buffers.generation = generation;
 
     buffers.bounds = instances.bounds();
-    buffers.triangle_count = instances.triangle_count();
+    buffers.pose_bytes = deform.bytes();
     let bounds = if buffers.bounds.is_empty() { Bounds { min: Vec3::ZERO, max: Vec3::ZERO } } else { buffers.bounds };
     let scene = Scene {
         bounds_min: bounds.min,
