@@ -127,7 +127,9 @@ impl Instances {
                 record.shape
             }
             before => {
-                before.map(|record| record.shape.free(geometry));
+                if let Some(record) = before {
+                    record.shape.free(geometry);
+                }
                 Shape::of(&source)
             }
         };

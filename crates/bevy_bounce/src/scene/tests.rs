@@ -4,7 +4,7 @@ use std::sync::mpsc::channel;
 
 use bevy::app::PluginsState;
 use bevy::asset::RenderAssetUsages;
-use bevy::camera::visibility::RenderLayers;
+use bevy::camera::visibility::{RenderLayers, VisibilityRange};
 use bevy::image::Image;
 use bevy::log::LogPlugin;
 use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes};
@@ -181,6 +181,16 @@ fn objects_come_move_hide_and_go() {
     app.update();
     assert_eq!(taking_part(&app), 1);
     app.world_mut().entity_mut(a).remove::<RenderLayers>();
+    app.update();
+    assert_eq!(taking_part(&app), 2);
+
+    // The camera is at the origin, and the object a metre from it.
+    for (far, expected) in [(0.5, 1), (1.5, 2), (0.5, 1)] {
+        app.world_mut().entity_mut(a).insert(VisibilityRange::abrupt(0.0, far));
+        app.update();
+        assert_eq!(taking_part(&app), expected);
+    }
+    app.world_mut().entity_mut(a).remove::<VisibilityRange>();
     app.update();
     assert_eq!(taking_part(&app), 2);
 
