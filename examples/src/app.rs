@@ -43,8 +43,8 @@ pub fn build(run: &Run, assets: Option<PathBuf>) -> App {
     let mut plugins = DefaultPlugins
         .set(LogPlugin {
             level: Level::WARN,
-            // A software adapter is a choice here, not a mistake.
-            filter: format!("{},bevy_render::renderer=error", bevy::log::DEFAULT_FILTER),
+            // A software adapter and low limits are choices here, not mistakes.
+            filter: format!("{},bevy_render::renderer=error,bevy_pbr::ssao=error", bevy::log::DEFAULT_FILTER),
             ..default()
         })
         .set(RenderPlugin {

@@ -12,10 +12,6 @@ use crate::capture::Targets;
 /// Applies the run's options to every [`Camera3d`] as it is spawned.
 pub struct CameraPlugin;
 
-/// On a camera: without `--exposure`, its exposure is measured once, from the first finished frame.
-#[derive(Component, Clone, Copy, Debug)]
-pub struct Metered;
-
 impl Plugin for CameraPlugin {
     fn build(&self, app: &mut App) {
         app.add_observer(apply);

@@ -44,16 +44,10 @@ impl Plugin for CapturePlugin {
         if run.headless {
             let size = run.size;
             let mut images = app.world_mut().resource_mut::<Assets<Image>>();
-            let mut target = |format, usage| {
-                let size = Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 };
-                let mut image = Image::new_uninit(size, TextureDimension::D2, format, RenderAssetUsages::RENDER_WORLD);
-                image.texture_descriptor.usage = usage | TextureUsages::COPY_SRC;
-                images.add(image)
-            };
             let attachment = TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING;
             let targets = Targets {
-                display: target(TextureFormat::Rgba8UnormSrgb, attachment),
-                scene: target(TextureFormat::Rgba16Float, TextureUsages::COPY_DST | TextureUsages::TEXTURE_BINDING),
+                display: images.add(image(size, TextureFormat::Rgba8UnormSrgb, attachment)),
+                scene: images.add(scene_image(size)),
             };
             app.insert_resource(targets);
         }
@@ -112,13 +106,27 @@ pub fn read(app: &App, image: &Handle<Image>) -> Result<Vec<u8>, Error> {
 pub fn luminances(app: &mut App) -> Result<Vec<[f32; 3]>, Error> {
     let targets = app.world().resource::<Targets>().clone();
     let mut cameras = app.world_mut().query_filtered::<Option<&Exposure>, With<CaptureScene>>();
-    let exposure = cameras.iter(app.world()).next().flatten().copied().unwrap_or_default().exposure();
+    let exposure = cameras.iter(app.world()).next().flatten().copied().unwrap_or_default();
+    Ok(decode(&read(app, &targets.scene)?, exposure))
+}
+
+/// Half-float texels in cd/m^2.
+pub fn decode(texels: &[u8], exposure: Exposure) -> Vec<[f32; 3]> {
+    let exposure = exposure.exposure();
     let channel = |bytes: &[u8]| f16::from_le_bytes([bytes[0], bytes[1]]).to_f32() / exposure;
-    let bytes = read(app, &targets.scene)?;
-    Ok(bytes
-        .chunks_exact(8)
-        .map(|texel| [channel(&texel[0..2]), channel(&texel[2..4]), channel(&texel[4..6])])
-        .collect())
+    texels.chunks_exact(8).map(|texel| [channel(&texel[0..2]), channel(&texel[2..4]), channel(&texel[4..6])]).collect()
+}
+
+/// An image that a camera's picture can be copied into.
+pub fn scene_image(size: UVec2) -> Image {
+    image(size, TextureFormat::Rgba16Float, TextureUsages::COPY_DST | TextureUsages::TEXTURE_BINDING)
+}
+
+fn image(size: UVec2, format: TextureFormat, usage: TextureUsages) -> Image {
+    let size = Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 };
+    let mut image = Image::new_uninit(size, TextureDimension::D2, format, RenderAssetUsages::RENDER_WORLD);
+    image.texture_descriptor.usage = usage | TextureUsages::COPY_SRC;
+    image
 }
 
 /// Writes every picture that the run asks for.

@@ -11,16 +11,14 @@ use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PollType
 use bevy::render::renderer::RenderDevice;
 use bevy::time::TimeUpdateStrategy;
 
-use crate::camera::Metered;
 use crate::capture::{self, CaptureScene, Targets};
+use crate::metering::{Metered, exposure_for};
 use crate::{Error, Run, stage_clock, stats};
 
 /// Frames without a waiting pipeline or asset that count as warm.
 const CALM_FRAMES: u32 = 4;
 /// Warm-up gives up after this long: a big scene on a software adapter takes a minute or two.
 const PATIENCE: Duration = Duration::from_secs(600);
-/// What the mean of the picture should come out at, linear, before tonemapping.
-const METERED_MEAN: f32 = 0.35;
 
 /// What still keeps a scene from being complete; windowless runs wait until it is empty.
 ///
@@ -155,8 +153,7 @@ fn capture_scene(app: &mut App) {
     }
 }
 
-/// Chooses the exposure of [`Metered`] cameras: the mean luminance, extremes held back, comes out at middle grey. In half
-/// stops, so that the last bit of a frame does not matter.
+/// Chooses the exposure of [`Metered`] cameras.
 fn meter(app: &mut App, run: &Run) -> Result<(), Error> {
     let mut cameras = app.world_mut().query_filtered::<Entity, (With<Camera3d>, With<Metered>)>();
     let cameras: Vec<Entity> = cameras.iter(app.world()).collect();
@@ -177,29 +174,4 @@ fn meter(app: &mut App, run: &Run) -> Result<(), Error> {
         frame(app, Duration::ZERO)?;
     }
     Ok(())
-}
-
-/// EV100 that shows these luminances well; `None` for a black picture.
-fn exposure_for(picture: &[[f32; 3]]) -> Option<f32> {
-    let luminance = |[r, g, b]: &[f32; 3]| 0.2126 * r + 0.7152 * g + 0.0722 * b;
-    let mut lit: Vec<f32> = picture.iter().map(luminance).filter(|value| value.is_finite() && *value > 0.0).collect();
-    lit.sort_by(f32::total_cmp);
-    let ceiling = *lit.get(lit.len() * 9 / 10)?;
-    let mean = lit.iter().map(|value| value.min(ceiling)).sum::<f32>() / lit.len() as f32;
-    let ev100 = (mean / (1.2 * METERED_MEAN)).log2();
-    Some((ev100 * 2.0).round() / 2.0).filter(|ev100| ev100.is_finite())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn exposure_follows_luminance() {
-        let grey = |value| vec![[value; 3]; 16];
-        let (dim, bright) = (exposure_for(&grey(10.0)), exposure_for(&grey(160.0)));
-        assert_eq!(dim.zip(bright).map(|(dim, bright)| bright - dim), Some(4.0));
-        assert_eq!(exposure_for(&grey(0.0)), None);
-        assert_eq!(exposure_for(&[]), None);
-    }
 }

@@ -11,6 +11,7 @@ pub mod error;
 pub mod glb;
 pub mod gltf;
 pub mod headless;
+pub mod metering;
 pub mod options;
 pub mod run;
 pub mod scenes;

@@ -7,6 +7,7 @@ use bevy::render::view::screenshot::{Screenshot, save_to_disk};
 
 use crate::Error;
 use crate::headless::{Failed, Pending};
+use crate::metering::MeteringPlugin;
 
 /// Keys of a window: ESC leaves, F12 takes a picture, `-` and `=` change the exposure, the free camera's own keys fly.
 pub struct WindowPlugin;
@@ -28,7 +29,7 @@ impl Plugin for WindowPlugin {
     fn build(&self, app: &mut App) {
         app.init_resource::<Pending>()
             .init_resource::<Failed>()
-            .add_plugins(FreeCameraPlugin)
+            .add_plugins((FreeCameraPlugin, MeteringPlugin))
             .add_systems(Startup, print_keys)
             .add_systems(Update, (leave, take_picture, expose, stop_on_failure))
             .add_observer(fly);

@@ -15,8 +15,8 @@ use bevy::world_serialization::WorldInstanceReady;
 
 use super::handler::{self, NodeIndex};
 use super::{FileCamera, SceneFile, mips};
-use crate::camera::Metered;
 use crate::headless::{Failed, Pending};
+use crate::metering::Metered;
 use crate::window::Fly;
 use crate::{Error, Run};
 
@@ -291,6 +291,9 @@ fn light(
             Transform::default().looking_to(direction, Vec3::Y),
             cascades.build(),
         ));
+        // What the sun leaves dark is seen by this.
+        let fill = DirectionalLight { illuminance: 150.0, ..default() };
+        commands.spawn((fill, Transform::from_rotation(view.rotation)));
     }
 }
 
