@@ -2,6 +2,8 @@
 //!
 //! Object keys stand in alphabetical order, so that it does not matter whether `serde_json` keeps their order or sorts.
 
+use std::f64::consts::FRAC_1_SQRT_2;
+
 use bevy::prelude::*;
 use serde_json::{Value, json};
 
@@ -34,7 +36,7 @@ pub fn cornell_box() -> Vec<u8> {
     file.nodes.push(json!({
         "extensions": { "KHR_lights_punctual": { "light": 0 } },
         "name": "lamp",
-        "rotation": [-0.707_106_78, 0.0, 0.0, 0.707_106_78],
+        "rotation": [-FRAC_1_SQRT_2, 0.0, 0.0, FRAC_1_SQRT_2],
         "translation": decimals(CornellBox::LAMP),
     }));
     file.nodes.push(json!({ "camera": 0, "name": "main", "translation": decimals(CornellBox::EYE) }));
