@@ -24,8 +24,10 @@
 const THICKNESS: f32 = 0.0;
 /// Voxels by which the bounds of a voxel's surfaces are widened, for the same reason.
 const BOUNDS_SLACK: f32 = 0.05;
-/// Voxels around an end of a ray within which surfaces that look the same way are the one it stands on.
-const OWN_SURFACE: f32 = 1.5;
+/// Voxels around an end of a ray within which surfaces that look the same way may be the one it stands on.
+const OWN_SURFACE: f32 = 6.0;
+/// Voxels from the plane of such a surface within which the end has to be: what relief there is within a voxel.
+const OWN_RELIEF: f32 = 1.0;
 /// Voxels around an end of a ray within which nothing blocks.
 const END_GAP: f32 = 0.02;
 /// Steps before a ray gives up: longer than any path through the grid, whatever rounding does.
@@ -62,13 +64,15 @@ fn to_world(position: vec3<f32>) -> vec3<f32> {
     return position * grid.voxel_size + grid.origin;
 }
 
-// Whether a surface met at `t` is the one that the ray starts or ends on.
-fn is_own_surface(ray: Ray, t: f32, normal: vec3<f32>) -> bool {
+// Whether a surface met at `t` is the one that the ray starts or ends on: it looks the same way, is near, and that end lies
+// near its plane. `height` is that of the ray's start over the plane.
+fn is_own_surface(ray: Ray, t: f32, normal: vec3<f32>, height: f32, slope: f32) -> bool {
     let from_end = ray.length - t;
+    let end_height = height + slope * ray.length;
     return t < END_GAP
         || from_end < END_GAP
-        || (t < OWN_SURFACE && dot(normal, ray.start_normal) > 0.5)
-        || (from_end < OWN_SURFACE && dot(normal, ray.end_normal) > 0.5);
+        || (t < OWN_SURFACE && abs(height) < OWN_RELIEF && dot(normal, ray.start_normal) > 0.5)
+        || (from_end < OWN_SURFACE && abs(end_height) < OWN_RELIEF && dot(normal, ray.end_normal) > 0.5);
 }
 
 // The nearest plane met in an occupied voxel between `enter` and `leave`.
@@ -91,7 +95,7 @@ fn hit_voxel(ray: Ray, word: u32, voxel: vec3<f32>, enter: f32, leave: f32) -> H
         let t = clamp(-height / slope, enter, leave);
         let p = from_center + ray.direction * t + 0.5;
         let within = all(p >= bounds_low(cell.bounds) - BOUNDS_SLACK) && all(p <= bounds_high(cell.bounds) + BOUNDS_SLACK);
-        if within && t <= nearest.t && !is_own_surface(ray, t, normal) {
+        if within && t <= nearest.t && !is_own_surface(ray, t, normal, height, slope) {
             nearest = Hit(true, t, first + i);
         }
     }
