@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn broken_files_are_named_and_explained() {
         let bytes = cornell_box();
-        let cases: [(&str, Vec<u8>, &str); 10] = [
+        let cases: [(&str, Vec<u8>, &str); 11] = [
             ("scene.obj", bytes.clone(), "give a .glb or .gltf"),
             ("empty.glb", vec![], "is empty"),
             ("magic.glb", b"PK\x03\x04 surely not".to_vec(), "is no binary glTF"),
@@ -272,7 +272,8 @@ mod tests {
                     .to_vec(),
                 "put it beside the scene",
             ),
-            ("view.glb", altered(r#""byteOffset":0"#, r#""byteOffset":9"#), "reaches past"),
+            ("count.glb", altered(r#""count":6"#, r#""count":9"#), "reaches past its buffer view"),
+            ("index.glb", altered(r#""byteOffset":0"#, r#""byteOffset":9"#), "an index is past"),
             ("camera.glb", altered(r#""camera":0"#, r#""camera":7"#), "camera: Index out of bounds"),
         ];
         for (name, bytes, wanted) in cases {
