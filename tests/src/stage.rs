@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use bevy::prelude::*;
+use bevy::render::RenderApp;
 use bevy_bounce::{GiIsolate, GiSettings, GlobalIllumination, Quality, Technique, VplVisibility};
 use bevy_bounce_examples::capture::{self, CaptureScene, Targets};
 use bevy_bounce_examples::{Run, app, headless};
@@ -59,6 +60,11 @@ impl Stage {
         query.single(self.app.world()).unwrap_or_else(|error| panic!("{}: {error}", std::any::type_name::<T>()))
     }
 
+    /// The render world.
+    pub fn render_world(&self) -> &World {
+        self.app.sub_app(RenderApp).world()
+    }
+
     /// Changes how the camera is lit.
     pub fn light_by(&mut self, illumination: GlobalIllumination) {
         let camera = self.only::<Camera3d>();
@@ -73,6 +79,11 @@ impl Stage {
     /// The next frame, in cd/m^2.
     pub fn picture(&mut self) -> Picture {
         self.frame(Duration::ZERO);
+        self.captured()
+    }
+
+    /// The last frame, in cd/m^2.
+    pub fn captured(&mut self) -> Picture {
         let pixels = capture::luminances(&mut self.app).unwrap_or_else(|error| panic!("{error}"));
         Picture { width: self.size.x as usize, height: self.size.y as usize, pixels }
     }

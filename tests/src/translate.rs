@@ -8,21 +8,47 @@ use crate::compose::Composed;
 
 /// Translates every entry point to SPIR-V, MSL, HLSL and GLSL; fails with all that went wrong.
 pub fn translate_everywhere(composed: &Composed) -> Result<(), String> {
-    let mut failures = Vec::new();
-    for entry in &composed.module.entry_points {
-        let mut note = |language: &str, result: Result<(), String>| {
-            if let Err(error) = result {
-                failures.push(format!("{} to {language}: {error}", entry.name));
-            }
-        };
-        let stage = (entry.stage, entry.name.as_str());
-        note("SPIR-V", to_spirv(composed, stage));
-        note("MSL 2.1", to_msl(composed, stage));
-        note("HLSL 5.1", to_hlsl(composed, stage));
-        note("GLSL ES 3.10", to_glsl(composed, stage, glsl::Version::Embedded { version: 310, is_webgl: false }));
-        note("GLSL 4.30", to_glsl(composed, stage, glsl::Version::Desktop(430)));
-    }
+    let failures: Vec<_> = translations(composed)
+        .into_iter()
+        .filter_map(|translation| {
+            let error = translation.result.err()?;
+            Some(format!("{} to {}: {error}", translation.entry, translation.language))
+        })
+        .collect();
     if failures.is_empty() { Ok(()) } else { Err(failures.join("\n")) }
+}
+
+/// What came of one entry point in one language.
+#[derive(Clone, Debug)]
+pub struct Translation {
+    /// Its name.
+    pub entry: String,
+    /// Language and version.
+    pub language: &'static str,
+    /// What the backend said.
+    pub result: Result<(), String>,
+}
+
+/// Every entry point in every language.
+pub fn translations(composed: &Composed) -> Vec<Translation> {
+    let gles = glsl::Version::Embedded { version: 310, is_webgl: false };
+    let mut translations = Vec::new();
+    for entry in &composed.module.entry_points {
+        let stage = (entry.stage, entry.name.as_str());
+        let results = [
+            ("SPIR-V", to_spirv(composed, stage)),
+            ("MSL 2.1", to_msl(composed, stage)),
+            ("HLSL 5.1", to_hlsl(composed, stage)),
+            ("GLSL ES 3.10", to_glsl(composed, stage, gles)),
+            ("GLSL 4.30", to_glsl(composed, stage, glsl::Version::Desktop(430))),
+        ];
+        translations.extend(results.map(|(language, result)| Translation {
+            entry: entry.name.clone(),
+            language,
+            result,
+        }));
+    }
+    translations
 }
 
 type Entry<'a> = (ShaderStage, &'a str);

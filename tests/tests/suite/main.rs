@@ -6,6 +6,7 @@ mod metrics;
 mod octahedral;
 mod paths;
 mod pictures;
+mod pipelines;
 mod sampling;
 mod shaders;
 mod voxels;

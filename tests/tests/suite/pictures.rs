@@ -1,9 +1,11 @@
 //! Whole frames: against a path-traced reference, against themselves, and with every setting live.
 
+use std::time::Duration;
+
 use bevy::camera::Exposure;
 use bevy::prelude::*;
 use bevy_bounce::{GiLight, GiSettings, GlobalIllumination, Technique, VoxelizedMesh, VplVisibility};
-use bevy_bounce_examples::scenes::{Builder, CornellPlugin, Walls};
+use bevy_bounce_examples::scenes::{AnimalPlugin, Builder, CornellPlugin, Walls};
 use bevy_bounce_tests::metrics::{Bounds, Metrics, compare};
 use bevy_bounce_tests::picture::Picture;
 use bevy_bounce_tests::references::committed_file;
@@ -97,7 +99,7 @@ fn frames_are_the_same_to_the_byte_and_follow_every_change() {
     // Without the component, then with it again.
     let camera = stage.only::<Camera3d>();
     stage.world().entity_mut(camera).remove::<GlobalIllumination>();
-    stage.frame(std::time::Duration::ZERO);
+    stage.frame(Duration::ZERO);
     stage.light_by(illumination(SMALL));
     assert!(first == stage.settled_picture(), "a camera that lost and got bounced light differs");
     stage.light_by(GlobalIllumination { technique: Technique::None, ..default() });
@@ -287,4 +289,99 @@ fn plugins_without_a_camera_leave_bevys_picture() {
     let bevys = Stage::with_run(with, scene).picture();
     let metrics = Metrics::new(&ours, &bevys).expect("sizes are equal");
     assert!(bevys.mean_luminance() > 1.0 && metrics.flip <= 0.005, "{metrics:?}");
+}
+
+/// A closed box whose walls emit: light goes on for ever, and has a closed form. Without occlusion it must be even, too.
+#[test]
+fn a_furnace_has_its_closed_form() {
+    let (emitted, albedo) = (10.0, 0.5);
+    let settings = GiSettings { vpls: 1024, bounces: 12, ..SMALL };
+    let mut stage = Stage::new(SIZE, settings, |app| {
+        app.add_systems(Startup, move |mut build: Builder| {
+            let paint = build.materials.add(StandardMaterial {
+                base_color: Color::linear_rgb(albedo, albedo, albedo),
+                perceptual_roughness: 1.0,
+                reflectance: 0.0,
+                emissive: LinearRgba::rgb(emitted, emitted, emitted),
+                emissive_exposure_weight: 1.0,
+                ..default()
+            });
+            let [floor, ceiling, back, front, left, right] = std::array::from_fn(|_| paint.clone());
+            let walls = Walls { floor, ceiling, back, front, left, right };
+            build.room(Vec3::splat(-1.5), Vec3::splat(1.5), &walls);
+            let place = Transform::from_xyz(0.3, 0.2, 1.2).looking_at(Vec3::new(-0.2, -0.1, -1.5), Vec3::Y);
+            build.commands.spawn((Camera3d::default(), Exposure { ev100: 4.0 }, place));
+        });
+    });
+    let picture = stage.picture();
+    let expected = emitted * albedo / (1.0 - albedo);
+    let mean = picture.mean_luminance() as f32;
+    assert!((mean / expected - 1.0).abs() < 0.1, "mean {mean} cd/m^2, expected {expected}");
+    // Corners are darker by the bound of the geometry term, lights close by are bright: most of it is within a quarter.
+    let near = picture.pixels.iter().filter(|pixel| (pixel[1] / expected - 1.0).abs() < 0.25).count();
+    assert!(near * 10 > picture.pixels.len() * 8, "{near} of {} pixels are near {expected}", picture.pixels.len());
+}
+
+/// A skinned animal: its bounced light depends on the time alone, however that was reached.
+#[test]
+fn a_skinned_mesh_has_no_lag() {
+    let stage = || {
+        Stage::new(SIZE, SMALL, |app| {
+            app.add_plugins(AnimalPlugin);
+        })
+    };
+    let (mut by_frames, mut at_once) = (stage(), stage());
+    let start = by_frames.picture();
+    for _ in 0..15 {
+        by_frames.frame(Duration::from_millis(100));
+    }
+    at_once.frame(Duration::from_millis(1500));
+    let later = by_frames.picture();
+    assert!(later == at_once.picture(), "how the time was reached shows");
+    let metrics = Metrics::new(&later, &start).expect("sizes are equal");
+    assert!(metrics.nrmse > 0.01, "an animal that walks does not show: {metrics:?}");
+    // And in the very frame in which it moves: the step and the picture of it are one frame.
+    let mut third = stage();
+    third.frame(Duration::from_millis(1500));
+    assert!(later == third.captured(), "bounced light is a frame late");
+}
+
+/// Light takes the colour of the texture where it falls, not of the mean of all of it.
+#[test]
+fn a_textured_wall_reflects_what_is_on_it() {
+    use bevy::asset::RenderAssetUsages;
+    use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+
+    let mut stage = Stage::new(SIZE, SMALL, |app| {
+        app.add_systems(Startup, |mut build: Builder, mut images: ResMut<Assets<Image>>| {
+            // Red on the left, green on the right.
+            let texels = (0..32 * 32).flat_map(|i| if i % 32 < 16 { [255, 0, 0, 255] } else { [0, 255, 0, 255] });
+            let image = Image::new(
+                Extent3d { width: 32, height: 32, depth_or_array_layers: 1 },
+                TextureDimension::D2,
+                texels.collect(),
+                TextureFormat::Rgba8UnormSrgb,
+                RenderAssetUsages::default(),
+            );
+            let paint = build.materials.add(StandardMaterial {
+                base_color_texture: Some(images.add(image)),
+                perceptual_roughness: 1.0,
+                ..default()
+            });
+            let white = build.paint([0.8; 3]);
+            build.panel(Vec3::new(-3.0, 0.0, -1.0), Vec3::X * 6.0, Vec3::Y * 3.0, &paint);
+            build.panel(Vec3::new(-3.0, 0.0, -1.0), Vec3::Z * 3.0, Vec3::X * 6.0, &white);
+            for x in [-1.5, 1.5] {
+                let light = SpotLight { intensity: 100_000.0, range: 50.0, outer_angle: 0.5, ..default() };
+                let place = Transform::from_xyz(x, 1.5, 1.5).looking_at(Vec3::new(x, 1.5, -1.0), Vec3::Y);
+                build.commands.spawn((light, place));
+            }
+            let place = Transform::from_xyz(0.0, 2.5, 4.0).looking_at(Vec3::new(0.0, 0.0, 0.0), Vec3::Y);
+            build.commands.spawn((Camera3d::default(), Exposure { ev100: 7.0 }, place));
+        });
+    });
+    let picture = stage.settled_picture();
+    let (left, right) = (picture.mean_of(10..26, 20..34), picture.mean_of(38..54, 20..34));
+    assert!(left[0] > 2.0 * left[1], "the floor before the red half is red: {left:?}");
+    assert!(right[1] > 2.0 * right[0], "the floor before the green half is green: {right:?}");
 }

@@ -1,0 +1,75 @@
+//! The fragment shaders with the definitions that views really give them, taken from the pipelines of running apps.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use bevy::material::descriptor::PipelineDescriptor;
+use bevy::prelude::*;
+use bevy::render::render_resource::PipelineCache;
+use bevy::shader::{Shader, ShaderDefVal};
+use bevy_bounce::GiIsolate;
+use bevy_bounce_examples::scenes::CornellPlugin;
+use bevy_bounce_tests::compose::compose_source;
+use bevy_bounce_tests::stage::{SMALL, Stage, illumination, run};
+use bevy_bounce_tests::translate::{Demand, translations};
+
+/// Fragment shaders of the app's pipelines whose path starts so: path, text, definitions.
+fn fragment_shaders(stage: &mut Stage, prefix: &str) -> Vec<(String, String, Vec<ShaderDefVal>)> {
+    let cache = stage.render_world().resource::<PipelineCache>();
+    let fragments: Vec<_> = cache
+        .pipelines()
+        .filter_map(|pipeline| match &pipeline.descriptor {
+            PipelineDescriptor::RenderPipelineDescriptor(descriptor) => descriptor.fragment.clone(),
+            PipelineDescriptor::ComputePipelineDescriptor(_) => None,
+        })
+        .collect();
+    let shaders = stage.world().resource::<Assets<Shader>>();
+    let ours = fragments.iter().filter_map(|fragment| {
+        let shader = shaders.get(&fragment.shader).filter(|shader| shader.path.starts_with(prefix))?;
+        let mut defs = fragment.shader_defs.clone();
+        defs.push(ShaderDefVal::UInt("AVAILABLE_STORAGE_BUFFER_BINDINGS".into(), 8));
+        Some((shader.path.clone(), shader.source.as_str().to_owned(), defs))
+    });
+    ours.collect()
+}
+
+/// Languages that each shader has no translation to.
+fn failures(shaders: &[(String, String, Vec<ShaderDefVal>)]) -> BTreeMap<&'static str, BTreeSet<String>> {
+    let mut failures = BTreeMap::<_, BTreeSet<String>>::new();
+    for (path, source, defs) in shaders {
+        let composed = compose_source(source, path, defs).unwrap_or_else(|error| panic!("{error}"));
+        for (entry, demand) in Demand::of_entries(&composed) {
+            demand.check_webgpu().unwrap_or_else(|error| panic!("{path}, {entry}: {error}"));
+        }
+        for translation in translations(&composed) {
+            if let Err(error) = translation.result {
+                failures.entry(translation.language).or_default().insert(error);
+            }
+        }
+    }
+    failures
+}
+
+/// Bevy's deferred lighting has no GLSL where its view bindings load from a depth texture: ours calls it, and may lack no
+/// more than it does.
+#[test]
+fn every_fragment_shader_translates_wherever_bevys_does() {
+    let mut run = run(UVec2::new(32, 32), Some(illumination(SMALL)));
+    run.webgpu_limits = true;
+    run.isolate = GiIsolate::All;
+    let scene = |app: &mut App| {
+        app.add_plugins(CornellPlugin);
+    };
+    let ours = fragment_shaders(&mut Stage::with_run(run.clone(), scene), "bevy_bounce/");
+    let paths: BTreeSet<_> = ours.iter().map(|(path, ..)| path.as_str()).collect();
+    assert_eq!(paths, BTreeSet::from(["bevy_bounce/compose/compose.wgsl", "bevy_bounce/compose/direct.wgsl"]));
+    run.plain_bevy = true;
+    run.illumination = None;
+    let bevys = fragment_shaders(&mut Stage::with_run(run, scene), "embedded://bevy_pbr/deferred/deferred_lighting");
+    let (ours, bevys) = (failures(&ours), failures(&bevys));
+    for language in ["SPIR-V", "MSL 2.1", "HLSL 5.1"] {
+        assert_eq!(ours.get(language), None);
+    }
+    for (language, errors) in &ours {
+        assert_eq!(Some(errors), bevys.get(language), "{language}");
+    }
+}
