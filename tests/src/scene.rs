@@ -1,6 +1,6 @@
 //! Small scenes in the form that the shaders read, built by hand: no app, no extraction.
 
-use bevy::math::{Affine3A, Mat3A, Vec2, Vec3, Vec4};
+use bevy::math::{Affine3A, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
     CHUNK_TRIANGLES, Cell, Chunk, Emitter, Grid, Instance, Light, Material, NONE, Scene, VERTEX_WORDS,
 };
@@ -53,7 +53,7 @@ impl TestScene {
         let index_offset = self.geometry.len() as u32;
         self.geometry.extend(0..3 * triangles.len() as u32);
         self.triangles.extend(triangles.iter().map(|t| t.map(|p| transform.transform_point3(p))));
-        let rows = Mat3A::from(transform.matrix3).transpose();
+        let rows = transform.matrix3.transpose();
         let row = |i: usize| Vec3::from(rows.col(i)).extend(transform.translation[i]);
         self.instances.push(Instance {
             world_from_local_x: row(0),

@@ -10,7 +10,9 @@ impl Random {
     /// A sequence of its own for each seed.
     pub fn new(seed: u64) -> Self {
         let mut random = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
-        (0..8).for_each(|_| drop(random.bits()));
+        for _ in 0..8 {
+            random.bits();
+        }
         random
     }
 
@@ -24,7 +26,7 @@ impl Random {
 
     /// 0 to `end`, without it.
     pub fn below(&mut self, end: u32) -> u32 {
-        (u64::from(self.bits()) * u64::from(end) >> 32) as u32
+        ((u64::from(self.bits()) * u64::from(end)) >> 32) as u32
     }
 
     /// 0 to 1, without 1.

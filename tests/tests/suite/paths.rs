@@ -254,7 +254,7 @@ fn the_list_is_whole_and_even() {
     assert_eq!(header.path_count, PATHS);
     let (all, count) = (traced.all().count(), header.count as usize);
     assert!(all > 2 * traced.parameters.capacity as usize, "{all} vertices are no choice");
-    assert!(count <= 1000 && count >= 990, "{count} lights in a list of 1000");
+    assert!((990..=1000).contains(&count), "{count} lights in a list of 1000");
 
     // Each vertex once at most, with the flux of those that it stands for: the rarer light is, the more of it is taken.
     let by_key: BTreeMap<_, _> = traced.all().map(|vpl| ((vpl.path, vpl.bounce), vpl)).collect();
