@@ -51,7 +51,7 @@ pub struct GiSettings {
     pub grid: u32,
     /// Virtual point lights, 16 to 65536. Each pixel is lit by a sixteenth of them; cost is proportional.
     pub vpls: u32,
-    /// Longest path, in bounces, 1 to 32. Roulette ends most paths earlier; what a limit of n leaves out of a room of
+    /// Longest path, in bounces, 1 to 31. Roulette ends most paths earlier; what a limit of n leaves out of a room of
     /// albedo a is a^n of the bounced light.
     pub bounces: u32,
     /// What a virtual light can see.
@@ -86,7 +86,7 @@ impl Quality {
             Quality::Custom(custom) => GiSettings {
                 grid: custom.grid.clamp(8, 256),
                 vpls: custom.vpls.clamp(16, 65536),
-                bounces: custom.bounces.clamp(1, 32),
+                bounces: custom.bounces.clamp(1, 31),
                 visibility: custom.visibility,
             },
         }

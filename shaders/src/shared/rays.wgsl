@@ -29,7 +29,7 @@ const OWN_SURFACE: f32 = 6.0;
 /// Voxels from the plane of such a surface within which the end has to be: what relief there is within a voxel.
 const OWN_RELIEF: f32 = 1.0;
 /// Voxels around an end of a ray within which nothing blocks.
-const END_GAP: f32 = 0.02;
+const END_GAP: f32 = 0.25;
 /// Steps before a ray gives up: longer than any path through the grid, whatever rounding does.
 const MAX_STEPS: u32 = 1024u;
 /// Voxels a step goes beyond the boundary it ends at.
@@ -64,14 +64,13 @@ fn to_world(position: vec3<f32>) -> vec3<f32> {
     return position * grid.voxel_size + grid.origin;
 }
 
-// Whether a surface met at `t` is the one that the ray starts or ends on: it looks the same way, is near, and that end lies
-// near its plane. `height` is that of the ray's start over the plane.
+// Whether a surface met at `t` is the one that the ray starts or ends on, or its other side: it is near, looks the same way,
+// and that end lies near its plane. `height` is that of the ray's start over the plane.
 fn is_own_surface(ray: Ray, t: f32, normal: vec3<f32>, height: f32, slope: f32) -> bool {
     let from_end = ray.length - t;
     let end_height = height + slope * ray.length;
-    return t < END_GAP
-        || from_end < END_GAP
-        || (t < OWN_SURFACE && abs(height) < OWN_RELIEF && dot(normal, ray.start_normal) > 0.5)
+    return min(t, from_end) < END_GAP
+        || (t < OWN_SURFACE && abs(height) < OWN_RELIEF && abs(dot(normal, ray.start_normal)) > 0.5)
         || (from_end < OWN_SURFACE && abs(end_height) < OWN_RELIEF && dot(normal, ray.end_normal) > 0.5);
 }
 

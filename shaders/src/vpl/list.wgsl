@@ -1,6 +1,6 @@
 // From paths to the list of virtual lights.
 //
-// More vertices are traced than the list holds. It takes them with a probability that falls with the fourth root of how many
+// More vertices are traced than the list holds. It takes them with a probability that falls with the cube root of how many
 // there are around (in the same brick of the grid), and raises their flux by as much: where light is rare, it comes from more
 // and weaker lights than its share of the flux would give it. Selection is systematic, in order of bounce and path: a sum of
 // probabilities runs along, and whoever carries it over the next integer is in.
@@ -11,6 +11,7 @@
 // Cost: one workgroup; a thread takes consecutive paths, and looks at each three times a bounce.
 
 #import bevy_bounce::shared::grid::{Grid, COUNTER_AREA}
+#import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::vpl::types::{Vpl, Path, VplParameters, VplHeader, SUBSETS}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
@@ -23,13 +24,13 @@
 @group(0) @binding(7) var<storage, read_write> vpls: array<Vpl>;
 
 const GROUP: u32 = 256u;
-// Bounces 0 to 32.
-const LEVELS: u32 = 33u;
+// Bounces 0 to 31, a bit each.
+const LEVELS: u32 = 32u;
 
 var<workgroup> float_scratch: array<f32, 256>;
 var<workgroup> scratch: array<u32, 256>;
 // Lights of each bounce, in the list.
-var<workgroup> level_count: array<u32, 33>;
+var<workgroup> level_count: array<u32, LEVELS>;
 
 // Sum of the values of this lane and lower ones. Hillis & Steele 1986.
 fn inclusive_sum(value: f32, lane: u32) -> f32 {
@@ -70,7 +71,7 @@ fn reaches(path: u32, bounce: u32) -> bool {
 
 // Probability, but for a factor, that a vertex is taken.
 fn vertex_weight(slot: u32) -> f32 {
-    return inverseSqrt(sqrt(f32(max(brick_counts[vertices[slot].brick], 1u))));
+    return pow(f32(max(brick_counts[vertices[slot].brick], 1u)), -1.0 / 3.0);
 }
 
 fn first_path(lane: u32) -> u32 {
@@ -108,7 +109,7 @@ fn select_level(lane: u32, bounce: u32, scale: f32, before: f32) -> f32 {
         if reaches(path, bounce) {
             let next = running + probability(vertex_slot(path, bounce), scale);
             if floor(next + 0.5) > floor(running + 0.5) {
-                paths[path].selected |= 1u << (bounce & 31u);
+                paths[path].selected |= 1u << bounce;
                 taken++;
             }
             running = next;
@@ -126,10 +127,12 @@ fn before_subset(count: u32, subset: u32) -> u32 {
     return (count * subset + (SUBSETS - 1u)) / SUBSETS;
 }
 
-// Largest geometry term: a light stands for its share of all surfaces, and is not let nearer than that share is wide.
+// Largest geometry term: a light stands for its share of the surfaces, and lights nothing more than if that filled a whole
+// hemisphere, which is pi over the share. About half of all facings look into the dark, as the far sides of walls do: they are
+// not counted.
 fn geometry_bound(count: u32) -> f32 {
     let area = f32(counters[COUNTER_AREA]) / 256.0 * grid.voxel_size * grid.voxel_size;
-    return f32(count) / max(area, 1e-12);
+    return 2.0 * PI * f32(count) / max(area, 1e-12);
 }
 
 fn write_header() {
@@ -160,7 +163,7 @@ fn place(bounce: u32, rank: u32) -> u32 {
 }
 
 fn is_selected(path: u32, bounce: u32) -> bool {
-    return (paths[path].selected & (1u << (bounce & 31u))) != 0u && reaches(path, bounce);
+    return (paths[path].selected & (1u << bounce)) != 0u && reaches(path, bounce);
 }
 
 fn write_level(lane: u32, bounce: u32, scale: f32) {

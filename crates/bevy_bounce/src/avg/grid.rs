@@ -57,7 +57,7 @@ pub(crate) struct VoxelGrid {
 impl VoxelGrid {
     fn new(device: &RenderDevice, edge: u32) -> Self {
         let voxels = u64::from(edge).pow(3);
-        let limit = u64::from(device.limits().max_storage_buffer_binding_size);
+        let limit = device.limits().max_storage_buffer_binding_size;
         let cells = (voxels / 2).min(MAX_CELLS).min(limit / (SUM_WORDS * 4));
         // Blocks round up on every axis: of a grid one voxel thin there are as many as half the voxels.
         let leaps = voxels / 2 + 1;
@@ -149,7 +149,7 @@ pub(crate) fn fit(bounds: Option<Aabb3d>, edge: u32) -> Grid {
         Some(bounds) => (Vec3::from(bounds.min), Vec3::from(bounds.max)),
         None => (Vec3::ZERO, Vec3::ZERO),
     };
-    let extent = (max - min).max_element().max(1e-6);
+    let extent = (max - min).max_element().max(1e-4 * max.abs().max(min.abs()).max_element()).max(1e-6);
     let budget = u64::from(edge).pow(3);
     // Even a line of voxels cannot be longer than four edges: start below the smallest size possible.
     let mut step = (SIZE_STEPS * (extent / (4.0 * edge as f32)).log2()).floor();

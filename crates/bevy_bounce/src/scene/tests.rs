@@ -276,7 +276,7 @@ fn materials_wait_for_their_textures() {
     assert_eq!(taking_part(&app), 0);
 
     // Left half red, right half a checkerboard of black and white, 64 texels wide.
-    let texel = |x: u32, y: u32| match (x < 32, (x + y) % 2 == 0) {
+    let texel = |x: u32, y: u32| match (x < 32, (x + y).is_multiple_of(2)) {
         (true, _) => [255, 0, 0, 255],
         (false, true) => [0, 0, 0, 255],
         (false, false) => [255, 255, 255, 255],

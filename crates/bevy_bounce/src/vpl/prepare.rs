@@ -85,7 +85,7 @@ pub(super) fn prepare_vpls(
     buffers: Option<ResMut<VplBuffers>>,
 ) {
     let (Some(settings), Some(scene)) = (settings.0, scene) else { return };
-    let limit = u64::from(device.limits().max_storage_buffer_binding_size);
+    let limit = device.limits().max_storage_buffer_binding_size;
     let path_bytes = u64::from(settings.bounces + 1) * u64::from(Vpl::min_size());
     let path_count = u64::from(settings.vpls * PATHS_PER_VPL).min(limit / path_bytes) as u32;
     let parameters = VplParameters { capacity: settings.vpls, path_count, max_bounces: settings.bounces, padding: 0 };
