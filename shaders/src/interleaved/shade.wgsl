@@ -23,6 +23,8 @@
 
 const BLOCK: u32 = 4u;
 const TILE: u32 = 8u;
+// Voxels: a pixel is on a surface that the grid knows only as the mean of its voxel.
+const SURFACE_GAP: f32 = 0.25;
 
 #ifdef VISIBILITY_VOXEL
 fn is_visible(vpl: Vpl, surface: Surface) -> bool {
@@ -33,6 +35,7 @@ fn is_visible(vpl: Vpl, surface: Surface) -> bool {
     ray.direction = to_surface / max(ray.length, 1e-6);
     ray.start_normal = vpl.normal;
     ray.end_normal = surface.normal;
+    ray.gap = SURFACE_GAP;
     return !trace(ray).found;
 }
 #else

@@ -28,8 +28,6 @@ const BOUNDS_SLACK: f32 = 0.05;
 const OWN_SURFACE: f32 = 6.0;
 /// Voxels from the plane of such a surface within which the end has to be: what relief there is within a voxel.
 const OWN_RELIEF: f32 = 1.0;
-/// Voxels around an end of a ray within which nothing blocks.
-const END_GAP: f32 = 0.25;
 /// Steps before a ray gives up: longer than any path through the grid, whatever rounding does.
 const MAX_STEPS: u32 = 1024u;
 /// Voxels a step goes beyond the boundary it ends at.
@@ -47,6 +45,8 @@ struct Ray {
     // Normals of the surfaces at its ends; zero where there is none.
     start_normal: vec3<f32>,
     end_normal: vec3<f32>,
+    // Voxels from its ends within which nothing blocks.
+    gap: f32,
 }
 
 struct Hit {
@@ -69,7 +69,7 @@ fn to_world(position: vec3<f32>) -> vec3<f32> {
 fn is_own_surface(ray: Ray, t: f32, normal: vec3<f32>, height: f32, slope: f32) -> bool {
     let from_end = ray.length - t;
     let end_height = height + slope * ray.length;
-    return min(t, from_end) < END_GAP
+    return min(t, from_end) < ray.gap
         || (t < OWN_SURFACE && abs(height) < OWN_RELIEF && abs(dot(normal, ray.start_normal)) > 0.5)
         || (from_end < OWN_SURFACE && abs(end_height) < OWN_RELIEF && dot(normal, ray.end_normal) > 0.5);
 }

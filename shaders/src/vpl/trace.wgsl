@@ -32,6 +32,9 @@ const DIMENSION_POSITION: u32 = 1u;
 const DIMENSION_DIRECTION: u32 = 2u;
 const DIMENSION_BOUNCE: u32 = 8u;
 
+// Voxels: a path starts on a plane of the grid, and in a corner another one is near.
+const PATH_GAP: f32 = 0.02;
+
 // Light on its way.
 struct Photon {
     position: vec3<f32>,
@@ -189,6 +192,7 @@ fn follow(path: u32, start: Photon) -> u32 {
         ray.length = 1e6;
         ray.start_normal = photon.normal;
         ray.end_normal = vec3<f32>(0.0);
+        ray.gap = PATH_GAP;
         let hit = trace(ray);
         if !hit.found {
             break;
