@@ -188,7 +188,8 @@ fn write_level(lane: u32, bounce: u32, scale: f32) {
 
 @compute @workgroup_size(256)
 fn build_list(@builtin(local_invocation_index) lane: u32) {
-    let scale = f32(parameters.capacity) / max(total_weight(lane), 1e-30);
+    // One place is left for what rounding adds.
+    let scale = (f32(parameters.capacity) - 1.0) / max(total_weight(lane), 1e-30);
     var before = 0.0;
     for (var bounce = 0u; bounce <= parameters.max_bounces; bounce++) {
         before = select_level(lane, bounce, scale, before);
