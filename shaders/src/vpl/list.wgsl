@@ -1,6 +1,6 @@
 // From paths to the list of virtual lights.
 //
-// More vertices are traced than the list holds. It takes them with a probability that falls with the fourth root of how many
+// More vertices are traced than the list holds. It takes them with a probability that falls with the cube root of how many
 // there are around (in the same brick of the grid), and raises their flux by as much: where light is rare, it comes from more
 // and weaker lights than its share of the flux would give it. Selection is systematic, in order of bounce and path: a sum of
 // probabilities runs along, and whoever carries it over the next integer is in.
@@ -71,7 +71,7 @@ fn reaches(path: u32, bounce: u32) -> bool {
 
 // Probability, but for a factor, that a vertex is taken.
 fn vertex_weight(slot: u32) -> f32 {
-    return pow(f32(max(brick_counts[vertices[slot].brick], 1u)), -0.25);
+    return pow(f32(max(brick_counts[vertices[slot].brick], 1u)), -1.0 / 3.0);
 }
 
 fn first_path(lane: u32) -> u32 {

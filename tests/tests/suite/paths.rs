@@ -268,7 +268,7 @@ fn the_list_is_whole_and_even() {
         let stands_for = vpl.flux.max_element() * PATHS as f32 / vertex.flux.max_element();
         assert!(stands_for > 0.999, "{key:?} has less than its flux");
         if stands_for > 1.001 {
-            scales.push((traced.brick_counts[vpl.brick as usize] as f32).powf(0.25) / stands_for);
+            scales.push((traced.brick_counts[vpl.brick as usize] as f32).powf(1.0 / 3.0) / stands_for);
         }
     }
     let (low, high) = scales.iter().fold((f32::MAX, 0.0_f32), |(low, high), s| (low.min(*s), high.max(*s)));
