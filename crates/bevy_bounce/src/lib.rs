@@ -15,17 +15,17 @@
 //! Every `Mesh3d` with a `StandardMaterial` and every point, spot and directional light takes part unless told
 //! otherwise ([`VoxelizedMesh`], [`GiLight`]).
 
-mod avg;
+pub mod avg;
 mod camera;
-mod compose;
+pub mod compose;
 mod compute;
-mod interleaved;
+pub mod interleaved;
 mod memory;
 mod plugins;
-mod scene;
+pub mod scene;
 mod settings;
 mod view;
-mod vpl;
+pub mod vpl;
 
 pub use avg::AvgPlugin;
 pub use compose::{GiComposePlugin, GiIsolate, ViewPass};

@@ -2,7 +2,7 @@
 //! Keller & Heidrich 2001, "Interleaved Sampling"; Bashford-Rogers et al. 2012, III-C.
 //!
 //! Two compute passes: `shade` writes the irradiance of one subset into `interleaved`, `filter` the mean of each pixel's 4x4
-//! window, edges left out, into `indirect` (see [`ViewTextures`](crate::view::ViewTextures)).
+//! window, edges left out, into `indirect` (textures of the view).
 //!
 //! The geometry term is bounded by pi N / A, for N lights and A square metres of surface that light can reach: a light stands
 //! for A / N of it, which lights nothing more than if it filled a whole hemisphere. What this takes from corners is left to

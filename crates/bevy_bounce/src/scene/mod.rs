@@ -1,6 +1,6 @@
 //! The scene on the GPU: everything that can bounce light, seen by a camera or not.
 //!
-//! Every technique reads only this: [`SceneBuffers`] and the WGSL module `bevy_bounce::shared::scene`. Data flows one way:
+//! Every technique reads only this: `SceneBuffers` and the WGSL module `bevy_bounce::shared::scene`. Data flows one way:
 //!
 //! | file | from | to |
 //! |---|---|---|
