@@ -9,8 +9,8 @@ use crate::setup::setup;
 
 /// File name without extension, example, its options.
 const PICTURES: [(&str, &str, &[&str]); 6] = [
-    ("cornell_animated", "cornell_animated", &["--time", "2"]),
-    ("moving_lamp", "moving_lamp", &["--time", "2"]),
+    ("cornell_animated", "cornell_animated", &["--time", "2", "--frames", "1"]),
+    ("moving_lamp", "moving_lamp", &["--time", "2", "--frames", "1"]),
     ("u_room", "u_room", &[]),
     ("cornell_direct", "viewer", &["--isolate", "direct"]),
     ("cornell_indirect", "viewer", &["--isolate", "indirect"]),
@@ -30,7 +30,7 @@ pub fn pictures(names: &[String]) -> Result<()> {
             continue;
         }
         let mut command = Command::new(build_example(example, false)?);
-        command.args(["--output", &format!("assets/readme/{name}.png"), "--size", "960x540", "--quality", "high"]);
+        command.args(["--output", &format!("assets/readme/{name}.png"), "--size", "640x360"]);
         command.args(options).current_dir(root());
         graphics(&mut command);
         run(&mut command)?;
