@@ -7,7 +7,6 @@
 // Cost: about 30 operations a light, and a ray where visibility is traced.
 
 #import bevy_render::view::View
-#import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS}
 #import bevy_bounce::interleaved::surface::{Surface, unpack_surface}

@@ -128,8 +128,8 @@ fn before_subset(count: u32, subset: u32) -> u32 {
 }
 
 // Largest geometry term: a light stands for its share of the surfaces, and lights nothing more than if that filled a whole
-// hemisphere, which is pi over the share. About half of all facings look into the dark, as the far sides of walls do: they are
-// not counted.
+// hemisphere, which is pi over the share. Half of all facings are taken to look into the dark, as the far sides of walls do, and
+// are not counted: an assumption, not a measurement of the scene.
 fn geometry_bound(count: u32) -> f32 {
     let area = f32(counters[COUNTER_AREA]) / 256.0 * grid.voxel_size * grid.voxel_size;
     return 2.0 * PI * f32(count) / max(area, 1e-12);

@@ -5,7 +5,7 @@
 // (the largest of red, green and blue), so that all virtual lights carry about the same flux. Paths follow one sequence,
 // the same every frame.
 //
-// Cost: one thread a path; a ray of about ten steps a bounce.
+// Cost: one thread a path; a ray through the grid a bounce.
 
 #import bevy_bounce::shared::grid::{Cell, brick_index, BRICK}
 #import bevy_bounce::shared::octahedral::decode_unit
@@ -14,7 +14,7 @@
     sample_square, cosine_direction, cone_direction, disk_point, triangle_point, any_tangent, PI,
 }
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, CHUNK_TRIANGLES}
-#import bevy_bounce::vpl::types::{Vpl, Path, Emitter, VplParameters, luminance}
+#import bevy_bounce::vpl::types::{Vpl, Path, Emitter, VplParameters}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> scene: Scene;
