@@ -80,9 +80,7 @@ impl Options {
         let unbuilt = [
             (self.technique == TechniqueOption::RadianceCache, "--technique radiance-cache; try vpl"),
             (self.technique == TechniqueOption::Cssm, "--technique cssm; try vpl"),
-            (self.visibility == Some(VisibilityOption::Atlas), "--visibility atlas; try voxel"),
-            (self.visibility == Some(VisibilityOption::Ism), "--visibility ism; try voxel"),
-            (self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try voxel"),
+            (self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try atlas"),
             (self.ssbc > 0, "--ssbc above 0"),
             (self.temporal == Switch::On, "--temporal on"),
             (self.glossy == Switch::On, "--glossy on"),
@@ -104,7 +102,9 @@ impl Options {
         settings.grid = self.grid.unwrap_or(settings.grid);
         settings.visibility = match self.visibility {
             Some(VisibilityOption::None) => VplVisibility::None,
-            Some(_) => VplVisibility::Voxel,
+            Some(VisibilityOption::Voxel) => VplVisibility::Voxel,
+            Some(VisibilityOption::Ism) => VplVisibility::Ism,
+            Some(_) => VplVisibility::Atlas,
             None => settings.visibility,
         };
         let quality = if settings == preset.settings() { preset } else { Quality::Custom(settings) };

@@ -12,7 +12,8 @@ use crate::gpu::webgpu_limits;
 use crate::picture::Picture;
 
 /// Settings that a software adapter renders in a moment.
-pub const SMALL: GiSettings = GiSettings { grid: 32, vpls: 256, bounces: 6, visibility: VplVisibility::Voxel };
+pub const SMALL: GiSettings =
+    GiSettings { grid: 32, vpls: 256, bounces: 6, visibility: VplVisibility::Voxel, tile: 24 };
 
 /// Global illumination with those settings.
 pub fn illumination(settings: GiSettings) -> GlobalIllumination {

@@ -24,6 +24,8 @@ mod memory;
 mod plugins;
 pub mod scene;
 mod settings;
+pub mod shadow_atlas;
+mod sort;
 mod view;
 pub mod vpl;
 
@@ -34,6 +36,7 @@ pub use memory::gpu_memory;
 pub use plugins::{GiSystems, GlobalIlluminationPlugins};
 pub use scene::{GiLight, GiScenePlugin, VoxelizedMesh};
 pub use settings::{GiSettings, GlobalIllumination, Quality, Technique, VplVisibility};
+pub use shadow_atlas::ShadowAtlasPlugin;
 pub use vpl::VplPlugin;
 
 /// What a game needs to name.

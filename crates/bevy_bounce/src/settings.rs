@@ -56,16 +56,35 @@ pub struct GiSettings {
     pub bounces: u32,
     /// What a virtual light can see.
     pub visibility: VplVisibility,
+    /// Edge of a virtual light's shadow map, texels: 8 to 48, even. Two bytes a texel and light; memory and the cost of filling
+    /// it grow with its square, and contact shadows become sharper in proportion.
+    pub tile: u32,
+}
+
+/// Virtual lights times triangles that are drawn into their shadow maps, at most.
+const OCCLUSION_BUDGET: u32 = 1 << 22;
+
+impl GiSettings {
+    /// Triangles that cast shadows, at most: levels of detail are chosen accordingly.
+    pub(crate) fn occluders(&self) -> u32 {
+        OCCLUSION_BUDGET / self.vpls.max(1)
+    }
 }
 
 /// What a virtual point light can see.
-#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum VplVisibility {
     /// Everything: no shadows in the bounced light. Fast, and it leaks.
     None,
     /// A ray through the voxel grid for every virtual light and pixel.
-    #[default]
     Voxel,
+    /// Imperfect shadow maps: as `Atlas`, drawn from points spread over the surfaces. Cost does not depend on the number of
+    /// triangles; details are lost, and light leaks through what is thin.
+    Ism,
+    /// A shadow map over the hemisphere of every virtual light, into which the scene's triangles are drawn; of large meshes, a
+    /// coarser version. Triangles times lights are bounded.
+    #[default]
+    Atlas,
 }
 
 impl Default for GiSettings {
@@ -77,17 +96,18 @@ impl Default for GiSettings {
 impl Quality {
     /// The values this quality stands for, within the documented ranges.
     pub fn settings(&self) -> GiSettings {
-        let preset = |grid, vpls| GiSettings { grid, vpls, bounces: 12, visibility: VplVisibility::Voxel };
+        let preset = |grid, vpls, tile| GiSettings { grid, vpls, bounces: 12, visibility: VplVisibility::Atlas, tile };
         match *self {
-            Quality::Low => preset(32, 256),
-            Quality::Medium => preset(64, 1024),
-            Quality::High => preset(96, 4096),
-            Quality::Ultra => preset(128, 8192),
+            Quality::Low => preset(32, 256, 24),
+            Quality::Medium => preset(64, 1024, 32),
+            Quality::High => preset(96, 4096, 32),
+            Quality::Ultra => preset(128, 8192, 48),
             Quality::Custom(custom) => GiSettings {
                 grid: custom.grid.clamp(8, 256),
                 vpls: custom.vpls.clamp(16, 65536),
                 bounces: custom.bounces.clamp(1, 31),
                 visibility: custom.visibility,
+                tile: custom.tile.clamp(8, 48) & !1,
             },
         }
     }
@@ -110,6 +130,7 @@ pub(crate) fn extract_world_settings(
             grid: a.grid.max(b.grid),
             vpls: a.vpls.max(b.vpls),
             bounces: a.bounces.max(b.bounces),
-            visibility: a.visibility,
+            visibility: a.visibility.max(b.visibility),
+            tile: a.tile.max(b.tile),
         });
 }

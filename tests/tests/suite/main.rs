@@ -10,4 +10,6 @@ mod pictures;
 mod pipelines;
 mod sampling;
 mod shaders;
+mod shadow_atlas;
+mod sort;
 mod voxels;

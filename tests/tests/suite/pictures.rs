@@ -28,7 +28,8 @@ fn black(picture: &Picture) -> bool {
 fn cornell_box_equals_its_reference() {
     let reference = Picture::load(&committed_file("cornell_box.indirect.exr")).expect("is committed");
     let bounds = Bounds { energy: Some((0.88, 1.08)), low: Some(0.22), flip: Some(0.16), nrmse: None };
-    let mut stage = cornell(GiSettings { grid: 64, vpls: 1024, bounces: 12, visibility: VplVisibility::Voxel });
+    let mut stage =
+        cornell(GiSettings { grid: 64, vpls: 1024, bounces: 12, visibility: VplVisibility::Voxel, tile: 32 });
     let picture = stage.picture();
     let metrics = compare(&picture, &reference, &bounds).unwrap_or_else(|error| panic!("{error}"));
     println!("{metrics:?}");
