@@ -285,8 +285,8 @@ pub struct VplParameters {
     pub path_count: u32,
     /// Longest path, bounces.
     pub max_bounces: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding: u32,
+    /// Scale of the bound of the geometry term.
+    pub bound_scale: f32,
 }
 
 /// Bits of each coordinate of a place on a Hilbert curve.
@@ -351,8 +351,8 @@ pub struct OccluderChunk {
     pub triangle_count: u32,
 }
 
-/// Depth in a tile of the shadow atlas where nothing is.
-pub const TILE_EMPTY: u32 = 0xffff;
+/// Texel of the shadow atlas where nothing is.
+pub const TILE_EMPTY: u32 = 0xffff_ffff;
 
 /// Largest tile of the shadow atlas, texels.
 pub const MAX_TILE_TEXELS: u32 = 2304;
@@ -360,7 +360,7 @@ pub const MAX_TILE_TEXELS: u32 = 2304;
 /// Sizes of the shadow atlas.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct AtlasParameters {
-    /// Edge of a tile, texels; even.
+    /// Edge of a tile, texels.
     pub tile: u32,
     /// Triangles in the list of occluders.
     pub occluder_count: u32,

@@ -13,7 +13,7 @@ use crate::picture::Picture;
 
 /// Settings that a software adapter renders in a moment.
 pub const SMALL: GiSettings =
-    GiSettings { grid: 32, vpls: 256, bounces: 6, visibility: VplVisibility::Voxel, tile: 24 };
+    GiSettings { grid: 32, vpls: 256, bounces: 6, visibility: VplVisibility::Voxel, tile: 24, bound: 1.0 };
 
 /// Global illumination with those settings.
 pub fn illumination(settings: GiSettings) -> GlobalIllumination {

@@ -56,9 +56,12 @@ pub struct GiSettings {
     pub bounces: u32,
     /// What a virtual light can see.
     pub visibility: VplVisibility,
-    /// Edge of a virtual light's shadow map, texels: 8 to 48, even. Two bytes a texel and light; memory and the cost of filling
+    /// Edge of a virtual light's shadow map, texels: 8 to 48, a multiple of four. Four bytes a texel and light; memory and the cost of filling
     /// it grow with its square, and contact shadows become sharper in proportion.
     pub tile: u32,
+    /// Scale of the bound of the geometry term, which by itself follows from the number of lights and the area of the scene:
+    /// 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches.
+    pub bound: f32,
 }
 
 /// Virtual lights times triangles that are drawn into their shadow maps, at most.
@@ -82,7 +85,8 @@ pub enum VplVisibility {
     /// triangles; details are lost, and light leaks through what is thin.
     Ism,
     /// A shadow map over the hemisphere of every virtual light, into which the scene's triangles are drawn; of large meshes, a
-    /// coarser version. Triangles times lights are bounded.
+    /// coarser version. Triangles times lights are bounded: where a scene has so many that the coarser versions would be more
+    /// than a quarter of a voxel off, lights see as with `Voxel`.
     #[default]
     Atlas,
 }
@@ -96,7 +100,14 @@ impl Default for GiSettings {
 impl Quality {
     /// The values this quality stands for, within the documented ranges.
     pub fn settings(&self) -> GiSettings {
-        let preset = |grid, vpls, tile| GiSettings { grid, vpls, bounces: 12, visibility: VplVisibility::Atlas, tile };
+        let preset = |grid, vpls, tile| GiSettings {
+            grid,
+            vpls,
+            bounces: 12,
+            visibility: VplVisibility::Atlas,
+            tile,
+            bound: 1.0,
+        };
         match *self {
             Quality::Low => preset(32, 256, 24),
             Quality::Medium => preset(64, 1024, 32),
@@ -107,7 +118,8 @@ impl Quality {
                 vpls: custom.vpls.clamp(16, 65536),
                 bounces: custom.bounces.clamp(1, 31),
                 visibility: custom.visibility,
-                tile: custom.tile.clamp(8, 48) & !1,
+                tile: custom.tile.clamp(8, 48) & !3,
+                bound: if custom.bound.is_finite() { custom.bound.clamp(0.01, 100.0) } else { 1.0 },
             },
         }
     }
@@ -132,5 +144,6 @@ pub(crate) fn extract_world_settings(
             bounces: a.bounces.max(b.bounces),
             visibility: a.visibility.max(b.visibility),
             tile: a.tile.max(b.tile),
+            bound: a.bound.min(b.bound),
         });
 }

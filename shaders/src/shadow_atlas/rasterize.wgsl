@@ -10,7 +10,7 @@
 // Cost: a light and triangle about 150 operations, a texel in the triangle's box about 20.
 
 #import bevy_bounce::shared::grid::Grid
-#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words}
+#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words, pack_texel}
 #import bevy_bounce::shadow_atlas::types::{Occluder, OCCLUDER_TWO_SIDED}
 #import bevy_bounce::vpl::types::{Vpl, VplHeader}
 
@@ -47,7 +47,7 @@ struct Seen {
     high: vec2<i32>,
 }
 
-var<workgroup> depths: array<atomic<u32>, MAX_TILE_TEXELS>;
+var<workgroup> nearest: array<atomic<u32>, MAX_TILE_TEXELS>;
 var<workgroup> large: array<Seen, GROUP>;
 var<workgroup> large_count: atomic<u32>;
 var<workgroup> height: atomic<u32>;
@@ -140,8 +140,8 @@ fn fill(seen: Seen, texel: vec2<i32>) {
     let direction = from_tile((vec2<f32>(texel) + 0.5) / f32(edge));
     if is_inside(seen, direction) {
         let depth = length(direction) / dot(seen.plane, direction);
-        let steps = u32(min(depth / parameters.far, 0.9999) * f32(TILE_EMPTY));
-        atomicMin(&depths[texel.y * edge + texel.x], steps);
+        let word = pack_texel(depth, -normalize(seen.plane), parameters.far);
+        atomicMin(&nearest[texel.y * edge + texel.x], word);
     }
 }
 
@@ -175,7 +175,7 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     }
     let texels = parameters.tile * parameters.tile;
     for (var i = lane; i < texels; i += GROUP) {
-        atomicStore(&depths[i], TILE_EMPTY);
+        atomicStore(&nearest[i], TILE_EMPTY);
     }
     workgroupBarrier();
     let found = atomicLoad(&height);
@@ -213,9 +213,8 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
         workgroupBarrier();
     }
 
-    for (var i = lane; i < texels / 2u; i += GROUP) {
-        let pair = atomicLoad(&depths[2u * i]) | (atomicLoad(&depths[2u * i + 1u]) << 16u);
-        atlas[light * tile_words(parameters) + i] = pair;
+    for (var i = lane; i < texels; i += GROUP) {
+        atlas[light * tile_words(parameters) + i] = atomicLoad(&nearest[i]);
     }
     if lane == 0u {
         vpls[light].position = eye;

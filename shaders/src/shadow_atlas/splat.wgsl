@@ -8,7 +8,7 @@
 
 #import bevy_bounce::shared::grid::Grid
 #import bevy_bounce::shared::octahedral::decode_unit
-#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words}
+#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words, pack_texel}
 #import bevy_bounce::shadow_atlas::types::{WorldPoint, POINT_NONE, POINT_SUBSETS}
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::vpl::types::{Vpl, VplHeader}
@@ -28,8 +28,8 @@ const MAX_SPLAT: f32 = 5.0;
 const OWN_SURFACE: f32 = 6.0;
 const OWN_HEIGHT: f32 = 0.5;
 
-var<workgroup> depths: array<atomic<u32>, MAX_TILE_TEXELS>;
-// Depths of 2x2 and 4x4 texels.
+var<workgroup> nearest: array<atomic<u32>, MAX_TILE_TEXELS>;
+// Of 2x2 and 4x4 texels.
 var<workgroup> halves: array<u32, 576>;
 var<workgroup> quarters: array<u32, 144>;
 
@@ -53,21 +53,17 @@ fn splat(point: WorldPoint, vpl: Vpl, frame: mat3x3<f32>) {
             let slope = dot(normal, direction);
             let on_plane = -cosine * distance / select(-1e-6, slope, abs(slope) > 1e-6) * length(direction);
             let depth = clamp(on_plane, 0.8 * distance, 1.25 * distance);
-            let steps = u32(min(depth / parameters.far, 0.9999) * f32(TILE_EMPTY));
-            atomicMin(&depths[u32(y) * parameters.tile + u32(x)], steps);
+            let word = pack_texel(depth, normal * sign(cosine), parameters.far);
+            atomicMin(&nearest[u32(y) * parameters.tile + u32(x)], word);
         }
     }
 }
 
-// The mean of those of four depths that there are, where two are; near ones alone where others lie far behind.
-fn mean(a: u32, b: u32, c: u32, d: u32) -> u32 {
-    let nearest = min(min(a, b), min(c, d));
-    let limit = min(nearest + nearest / 4u, TILE_EMPTY - 1u);
-    let is_near = vec4<bool>(a <= limit, b <= limit, c <= limit, d <= limit);
-    let count = dot(select(vec4<u32>(0u), vec4<u32>(1u), is_near), vec4<u32>(1u));
-    let known = dot(select(vec4<u32>(0u), vec4<u32>(1u), vec4<u32>(a, b, c, d) < vec4<u32>(TILE_EMPTY)), vec4<u32>(1u));
-    let sum = dot(select(vec4<u32>(0u), vec4<u32>(a, b, c, d), is_near), vec4<u32>(1u));
-    return select(TILE_EMPTY, sum / max(count, 1u), known >= 2u);
+// The nearest of four texels, where two are known.
+fn pull(a: u32, b: u32, c: u32, d: u32) -> u32 {
+    let known = vec4<u32>(a, b, c, d) < vec4<u32>(TILE_EMPTY);
+    let count = dot(select(vec4<u32>(0u), vec4<u32>(1u), known), vec4<u32>(1u));
+    return select(TILE_EMPTY, min(min(a, b), min(c, d)), count >= 2u);
 }
 
 @compute @workgroup_size(64)
@@ -78,7 +74,7 @@ fn splat_points(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     }
     let edge = parameters.tile;
     for (var i = lane; i < edge * edge; i += GROUP) {
-        atomicStore(&depths[i], TILE_EMPTY);
+        atomicStore(&nearest[i], TILE_EMPTY);
     }
     workgroupBarrier();
     let vpl = vpls[light];
@@ -90,34 +86,30 @@ fn splat_points(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     let half = edge / 2u;
     for (var i = lane; i < half * half; i += GROUP) {
         let texel = (i / half) * 2u * edge + (i % half) * 2u;
-        halves[i] = mean(
-            atomicLoad(&depths[texel]),
-            atomicLoad(&depths[texel + 1u]),
-            atomicLoad(&depths[texel + edge]),
-            atomicLoad(&depths[texel + edge + 1u]),
+        halves[i] = pull(
+            atomicLoad(&nearest[texel]),
+            atomicLoad(&nearest[texel + 1u]),
+            atomicLoad(&nearest[texel + edge]),
+            atomicLoad(&nearest[texel + edge + 1u]),
         );
     }
     workgroupBarrier();
     let quarter = half / 2u;
     for (var i = lane; i < quarter * quarter; i += GROUP) {
         let texel = (i / quarter) * 2u * half + (i % quarter) * 2u;
-        quarters[i] = mean(halves[texel], halves[texel + 1u], halves[texel + half], halves[texel + half + 1u]);
+        quarters[i] = pull(halves[texel], halves[texel + 1u], halves[texel + half], halves[texel + half + 1u]);
     }
     workgroupBarrier();
-    for (var i = lane; i < edge * edge / 2u; i += GROUP) {
-        var pair = 0u;
-        for (var k = 0u; k < 2u; k++) {
-            let x = (2u * i + k) % edge;
-            let y = (2u * i + k) / edge;
-            var depth = atomicLoad(&depths[2u * i + k]);
-            if depth == TILE_EMPTY {
-                depth = halves[(y / 2u) * half + x / 2u];
-            }
-            if depth == TILE_EMPTY {
-                depth = quarters[min(y / 4u, quarter - 1u) * quarter + min(x / 4u, quarter - 1u)];
-            }
-            pair |= depth << (16u * k);
+    for (var i = lane; i < edge * edge; i += GROUP) {
+        let x = i % edge;
+        let y = i / edge;
+        var word = atomicLoad(&nearest[i]);
+        if word == TILE_EMPTY {
+            word = halves[(y / 2u) * half + x / 2u];
         }
-        atlas[light * tile_words(parameters) + i] = pair;
+        if word == TILE_EMPTY {
+            word = quarters[min(y / 4u, quarter - 1u) * quarter + min(x / 4u, quarter - 1u)];
+        }
+        atlas[light * tile_words(parameters) + i] = word;
     }
 }

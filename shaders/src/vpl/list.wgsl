@@ -70,7 +70,7 @@ fn vertex_weight(index: u32) -> f32 {
 // are not counted: an assumption, not a measurement of the scene.
 fn geometry_bound(count: u32) -> f32 {
     let area = f32(counters[COUNTER_AREA]) / 256.0 * grid.voxel_size * grid.voxel_size;
-    return 2.0 * PI * f32(count) / max(area, 1e-12);
+    return parameters.bound_scale * 2.0 * PI * f32(count) / max(area, 1e-12);
 }
 
 fn write_header(count: u32) {

@@ -34,7 +34,7 @@ struct VplParameters {
     capacity: u32,
     path_count: u32,
     max_bounces: u32,
-    padding: u32,
+    bound_scale: f32,
 }
 
 struct VplHeader {

@@ -28,8 +28,14 @@ fn black(picture: &Picture) -> bool {
 fn cornell_box_equals_its_reference() {
     let reference = Picture::load(&committed_file("cornell_box.indirect.exr")).expect("is committed");
     let bounds = Bounds { energy: Some((0.88, 1.08)), low: Some(0.22), flip: Some(0.16), nrmse: None };
-    let mut stage =
-        cornell(GiSettings { grid: 64, vpls: 1024, bounces: 12, visibility: VplVisibility::Voxel, tile: 32 });
+    let mut stage = cornell(GiSettings {
+        grid: 64,
+        vpls: 1024,
+        bounces: 12,
+        visibility: VplVisibility::Voxel,
+        tile: 32,
+        bound: 1.0,
+    });
     let picture = stage.picture();
     let metrics = compare(&picture, &reference, &bounds).unwrap_or_else(|error| panic!("{error}"));
     println!("{metrics:?}");

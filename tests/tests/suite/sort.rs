@@ -21,7 +21,8 @@ pub fn radix_sort(pairs: &[[u32; 2]], bits: u32) -> Vec<[u32; 2]> {
         run(gpu(), "sort/radix.wgsl", "scan_digits", &resources, [1, 1, 1]);
         run(gpu(), "sort/radix.wgsl", "scatter", &resources, [blocks, 1, 1]);
         let words = resources.read_words("sorted").expect("reads back");
-        pairs.copy_from_slice(&words.as_chunks().0[..pairs.len()]);
+        let count = pairs.len();
+        pairs = words.as_chunks().0[..count].to_vec();
     }
     pairs
 }

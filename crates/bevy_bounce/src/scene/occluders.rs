@@ -16,6 +16,8 @@ use crate::settings::{GiSettings, GiWorldSettings};
 pub(super) struct Occluders {
     /// Of the triangles that cast.
     pub chunks: GpuTable<OccluderChunk>,
+    /// How far they are from the surfaces, world units.
+    pub error: f32,
     /// Points that cast, in the order of the surfaces.
     pub points: GpuTable<SurfacePoint>,
     /// Of a point, for a light that takes its share of them; square world units.
@@ -27,6 +29,7 @@ impl Default for Occluders {
     fn default() -> Self {
         Self {
             chunks: GpuTable::new("bounce_occluder_chunks"),
+            error: 0.0,
             points: GpuTable::new("bounce_surface_points"),
             point_area: 0.0,
             made_for: None,
@@ -82,8 +85,9 @@ pub(super) fn choose_occluders(
         })
         .collect();
     let triangles = settings.visibility == VplVisibility::Atlas;
-    let chunks = if triangles { chunks(&casters, settings.occluders()) } else { Vec::new() };
+    let (chunks, error) = if triangles { chunks(&casters, settings.occluders()) } else { (Vec::new(), 0.0) };
     occluders.chunks.replace(chunks.into_iter());
+    occluders.error = error;
     let count = if settings.visibility == VplVisibility::Ism { point_count(&settings) } else { 0 };
     occluders.points.replace(spread(&casters, count));
     let area: f64 = casters.iter().map(Caster::area).sum();
@@ -95,11 +99,13 @@ fn point_count(settings: &GiSettings) -> u32 {
     4 * settings.tile * settings.tile * POINT_SUBSETS
 }
 
-fn chunks(casters: &[Caster], budget: u32) -> Vec<OccluderChunk> {
+/// Chunks of the triangles that cast, and their error in world units.
+fn chunks(casters: &[Caster], budget: u32) -> (Vec<OccluderChunk>, f32) {
     let candidates: Vec<&Candidate> = casters.iter().map(|caster| &caster.candidate).collect();
     let mut chunks = Vec::new();
     let mut first_occluder = 0;
-    for (caster, level) in casters.iter().zip(choose(&candidates, budget)) {
+    let choice = choose(&candidates, budget);
+    for (caster, level) in casters.iter().zip(choice.levels) {
         let Some(lod) = level.map(|level| caster.candidate.lods[level]) else { continue };
         for first in (0..lod.triangle_count).step_by(CHUNK_TRIANGLES as usize) {
             let triangle_count = (lod.triangle_count - first).min(CHUNK_TRIANGLES);
@@ -108,7 +114,7 @@ fn chunks(casters: &[Caster], budget: u32) -> Vec<OccluderChunk> {
             first_occluder += triangle_count;
         }
     }
-    chunks
+    (chunks, choice.error)
 }
 
 /// `count` points at equal steps of area, surface by surface.

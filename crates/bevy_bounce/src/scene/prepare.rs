@@ -118,6 +118,8 @@ pub(crate) struct OccluderCounts {
     pub chunks: u32,
     /// Their triangles.
     pub triangles: u32,
+    /// How far they are from the surfaces, world units.
+    pub error: f32,
     /// Points.
     pub points: u32,
     /// Of a point, square world units.
@@ -188,6 +190,7 @@ pub(super) fn upload_scene(
     buffers.occluders = OccluderCounts {
         chunks: chunks.len() as u32,
         triangles: chunks.iter().map(|chunk| chunk.triangle_count).sum(),
+        error: occluders.error,
         points: occluders.points.values().len() as u32,
         point_area: occluders.point_area,
     };

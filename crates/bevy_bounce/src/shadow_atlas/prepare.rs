@@ -6,15 +6,19 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::{AtlasParameters, Occluder, WorldPoint};
 
 use crate::VplVisibility;
+use crate::avg::VoxelGrid;
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 
-/// The shadow maps of all virtual lights; there while a camera asks for them.
+/// Voxels by which the meshes that cast may be off their surfaces. Beyond that rays through the grid see better.
+const LARGEST_ERROR: f32 = 0.25;
+
+/// The shadow maps of all virtual lights; there while a camera asks for them and what casts is fine enough.
 #[derive(Resource)]
 pub(crate) struct ShadowAtlas {
     /// Sizes.
     pub parameters: UniformBuffer<AtlasParameters>,
-    /// `array<u32>`: two depths a word, tile by tile.
+    /// `array<u32>`: a texel a word, tile by tile.
     pub atlas: Buffer,
     /// `array<Occluder>`, or `array<WorldPoint>` where maps are made from points.
     pub occluders: Buffer,
@@ -36,13 +40,13 @@ fn storage(device: &RenderDevice, label: &'static str, size: u64) -> Buffer {
     })
 }
 
-/// Largest even tile of which that many fit into a binding.
+/// Largest tile, a multiple of four, of which that many fit into a binding.
 fn fitting_tile(wanted: u32, lights: u32, limit: u64) -> u32 {
-    (1..=wanted / 2).rev().map(|half| half * 2).find(|tile| atlas_bytes(*tile, lights) <= limit).unwrap_or(2)
+    (1..=wanted / 4).rev().map(|quarter| quarter * 4).find(|tile| atlas_bytes(*tile, lights) <= limit).unwrap_or(4)
 }
 
 fn atlas_bytes(tile: u32, lights: u32) -> u64 {
-    u64::from(tile) * u64::from(tile) * 2 * u64::from(lights)
+    u64::from(tile) * u64::from(tile) * 4 * u64::from(lights)
 }
 
 pub(super) fn prepare_atlas(
@@ -51,10 +55,15 @@ pub(super) fn prepare_atlas(
     queue: Res<RenderQueue>,
     settings: Res<GiWorldSettings>,
     scene: Option<Res<SceneBuffers>>,
+    grid: Option<Res<VoxelGrid>>,
     held: Option<ResMut<ShadowAtlas>>,
 ) {
     let wanted = settings.0.filter(|settings| settings.visibility >= VplVisibility::Ism);
-    let (Some(settings), Some(scene)) = (wanted, scene) else {
+    let fine_enough = |scene: &SceneBuffers| {
+        let voxel = grid.as_ref().map_or(0.0, |grid| grid.uniform.get().voxel_size);
+        scene.occluders().error <= LARGEST_ERROR * voxel
+    };
+    let (Some(settings), Some(scene)) = (wanted, scene.filter(|scene| fine_enough(scene))) else {
         commands.remove_resource::<ShadowAtlas>();
         return;
     };
@@ -100,8 +109,8 @@ mod tests {
     fn tiles_shrink_to_what_a_binding_holds() {
         let limit = 128 << 20;
         assert_eq!(fitting_tile(32, 1024, limit), 32);
-        assert_eq!(fitting_tile(48, 65536, limit), 32);
+        assert_eq!(fitting_tile(48, 65536, limit), 20);
         assert_eq!(fitting_tile(48, 8192, limit), 48);
-        assert_eq!(fitting_tile(8, 65536, 1), 2);
+        assert_eq!(fitting_tile(8, 65536, 1), 4);
     }
 }

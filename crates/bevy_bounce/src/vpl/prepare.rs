@@ -99,7 +99,12 @@ pub(super) fn prepare_vpls(
     let limit = device.limits().max_storage_buffer_binding_size;
     let path_bytes = u64::from(settings.bounces + 1) * u64::from(Vpl::min_size());
     let path_count = u64::from(settings.vpls * PATHS_PER_VPL).min(limit / path_bytes) as u32;
-    let parameters = VplParameters { capacity: settings.vpls, path_count, max_bounces: settings.bounces, padding: 0 };
+    let parameters = VplParameters {
+        capacity: settings.vpls,
+        path_count,
+        max_bounces: settings.bounces,
+        bound_scale: settings.bound,
+    };
     let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
     let brick_bytes = grid.map_or(0, |grid| grid.brick_count() * 4);
     let prepare = |buffers: &mut VplBuffers| {
