@@ -4,15 +4,16 @@ use std::time::Duration;
 
 use bevy::prelude::*;
 use bevy::render::RenderApp;
-use bevy_bounce::{GiIsolate, GiSettings, GlobalIllumination, Quality, Technique, VplVisibility};
+use bevy_bounce::{GiIsolate, GiSettings, GlobalIllumination, Quality, SsbcSettings, Technique, VplVisibility};
 use bevy_bounce_examples::capture::{self, CaptureScene, Targets};
 use bevy_bounce_examples::{Run, app, headless};
 
 use crate::gpu::webgpu_limits;
 use crate::picture::Picture;
 
-/// Settings that a software adapter renders in a moment.
-pub const SMALL: GiSettings = GiSettings { grid: 32, vpls: 256, bounces: 6, visibility: VplVisibility::Voxel };
+/// Settings that a software adapter renders in a moment, without bias compensation.
+pub const SMALL: GiSettings =
+    GiSettings { grid: 32, vpls: 256, bounces: 6, visibility: VplVisibility::Voxel, ssbc: SsbcSettings::OFF };
 
 /// Global illumination with those settings.
 pub fn illumination(settings: GiSettings) -> GlobalIllumination {

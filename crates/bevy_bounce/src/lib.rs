@@ -24,6 +24,7 @@ mod memory;
 mod plugins;
 pub mod scene;
 mod settings;
+pub mod ssbc;
 mod view;
 pub mod vpl;
 
@@ -34,6 +35,7 @@ pub use memory::gpu_memory;
 pub use plugins::{GiSystems, GlobalIlluminationPlugins};
 pub use scene::{GiLight, GiScenePlugin, VoxelizedMesh};
 pub use settings::{GiSettings, GlobalIllumination, Quality, Technique, VplVisibility};
+pub use ssbc::{SsbcPlugin, SsbcResolution, SsbcSettings};
 pub use vpl::VplPlugin;
 
 /// What a game needs to name.

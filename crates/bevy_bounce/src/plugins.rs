@@ -7,7 +7,7 @@ use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
 use crate::settings::{GiWorldSettings, extract_world_settings};
-use crate::{AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, VplPlugin};
+use crate::{AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, SsbcPlugin, VplPlugin};
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.
 ///
@@ -17,6 +17,7 @@ use crate::{AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin,
 /// | [`AvgPlugin`] | voxel grid | nothing bounces |
 /// | [`VplPlugin`] | virtual point lights | nothing bounces |
 /// | [`InterleavedShadingPlugin`] | indirect light per pixel | nothing bounces |
+/// | [`SsbcPlugin`] | gives back what bounding took from the indirect light | corners are darker |
 /// | [`GiComposePlugin`] | into the picture | Bevy's own picture |
 #[derive(Default)]
 pub struct GlobalIlluminationPlugins {
@@ -30,6 +31,7 @@ impl PluginGroup for GlobalIlluminationPlugins {
             .add(AvgPlugin)
             .add(VplPlugin)
             .add(InterleavedShadingPlugin)
+            .add(SsbcPlugin)
             .add(GiComposePlugin)
     }
 }

@@ -4,6 +4,8 @@ use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
 
+use crate::SsbcSettings;
+
 /// Lights what this camera sees with bounced light, computed afresh every frame.
 ///
 /// Brings along what it needs (HDR, deferred prepass, no MSAA, no ambient light) and hands back what it found when it is
@@ -56,6 +58,8 @@ pub struct GiSettings {
     pub bounces: u32,
     /// What a virtual light can see.
     pub visibility: VplVisibility,
+    /// Compensation of what the bounded geometry term takes from corners.
+    pub ssbc: SsbcSettings,
 }
 
 /// What a virtual point light can see.
@@ -77,7 +81,13 @@ impl Default for GiSettings {
 impl Quality {
     /// The values this quality stands for, within the documented ranges.
     pub fn settings(&self) -> GiSettings {
-        let preset = |grid, vpls| GiSettings { grid, vpls, bounces: 12, visibility: VplVisibility::Voxel };
+        let preset = |grid, vpls| GiSettings {
+            grid,
+            vpls,
+            bounces: 12,
+            visibility: VplVisibility::Voxel,
+            ssbc: SsbcSettings::default(),
+        };
         match *self {
             Quality::Low => preset(32, 256),
             Quality::Medium => preset(64, 1024),
@@ -88,6 +98,7 @@ impl Quality {
                 vpls: custom.vpls.clamp(16, 65536),
                 bounces: custom.bounces.clamp(1, 31),
                 visibility: custom.visibility,
+                ssbc: custom.ssbc.clamped(),
             },
         }
     }
@@ -111,5 +122,6 @@ pub(crate) fn extract_world_settings(
             vpls: a.vpls.max(b.vpls),
             bounces: a.bounces.max(b.bounces),
             visibility: a.visibility,
+            ssbc: a.ssbc,
         });
 }

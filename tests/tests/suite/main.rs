@@ -10,4 +10,5 @@ mod pictures;
 mod pipelines;
 mod sampling;
 mod shaders;
+mod ssbc;
 mod voxels;
