@@ -1,5 +1,6 @@
 //! A scene rendered without a window, frame by frame, with the helpers of the examples.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use bevy::prelude::*;
@@ -35,8 +36,13 @@ impl Stage {
 
     /// With every option of a run.
     pub fn with_run(run: Run, scene: impl FnOnce(&mut App)) -> Self {
+        Self::with_assets(run, None, scene)
+    }
+
+    /// With every option of a run, and the folder that asset paths start from.
+    pub fn with_assets(run: Run, assets: Option<PathBuf>, scene: impl FnOnce(&mut App)) -> Self {
         let size = run.size;
-        let mut app = app::build(&run, None);
+        let mut app = app::build(&run, assets);
         scene(&mut app);
         headless::warm_up(&mut app).unwrap_or_else(|error| panic!("{error}"));
         let mut stage = Self { app, size };

@@ -32,14 +32,14 @@ pub enum Technique {
 /// How much is spent. With several cameras the world stages follow the most demanding one.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq)]
 pub enum Quality {
-    /// 256 virtual lights, a grid of 32^3 voxels.
+    /// 256 virtual lights, a grid of 32^3 voxels, one bias compensation.
     Low,
-    /// 1024 virtual lights, a grid of 64^3 voxels.
+    /// 1024 virtual lights, a grid of 64^3 voxels, one bias compensation.
     #[default]
     Medium,
-    /// 4096 virtual lights, a grid of 96^3 voxels.
+    /// 4096 virtual lights, a grid of 96^3 voxels, two bias compensations.
     High,
-    /// 8192 virtual lights, a grid of 128^3 voxels.
+    /// 8192 virtual lights, a grid of 128^3 voxels, two bias compensations.
     Ultra,
     /// Every value by hand.
     Custom(GiSettings),
@@ -81,18 +81,18 @@ impl Default for GiSettings {
 impl Quality {
     /// The values this quality stands for, within the documented ranges.
     pub fn settings(&self) -> GiSettings {
-        let preset = |grid, vpls| GiSettings {
+        let preset = |grid, vpls, iterations| GiSettings {
             grid,
             vpls,
             bounces: 12,
             visibility: VplVisibility::Voxel,
-            ssbc: SsbcSettings::default(),
+            ssbc: SsbcSettings { iterations, ..default() },
         };
         match *self {
-            Quality::Low => preset(32, 256),
-            Quality::Medium => preset(64, 1024),
-            Quality::High => preset(96, 4096),
-            Quality::Ultra => preset(128, 8192),
+            Quality::Low => preset(32, 256, 1),
+            Quality::Medium => preset(64, 1024, 1),
+            Quality::High => preset(96, 4096, 2),
+            Quality::Ultra => preset(128, 8192, 2),
             Quality::Custom(custom) => GiSettings {
                 grid: custom.grid.clamp(8, 256),
                 vpls: custom.vpls.clamp(16, 65536),

@@ -47,7 +47,7 @@ fn depth_range(lens: Lens, normal: vec3<f32>, position: vec3<f32>, level: u32) -
 
 fn encode_range(near: f32, far: f32) -> u32 {
     let steps = max(bitcast<vec2<u32>>(vec2<f32>(near, far)), vec2<u32>(LOWEST_DEPTH)) - LOWEST_DEPTH;
-    return min((steps.x >> RANGE_SHIFT) + 1u, 0xffffu) | min(steps.y >> RANGE_SHIFT, 0xffffu) << 16u;
+    return min((steps.x >> RANGE_SHIFT) + 1u, 0xffffu) | (min(steps.y >> RANGE_SHIFT, 0xffffu) << 16u);
 }
 
 fn decode_range(word: u32) -> vec2<f32> {

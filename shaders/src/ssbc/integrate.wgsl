@@ -99,7 +99,10 @@ fn visit_plane(lens: Lens, receiver: Receiver, texel: vec2<i32>, level: u32, wor
         || height * other_height <= header.geometry_bound * nearest_square * nearest_square {
         return NOTHING;
     }
-    let solid_angle = area * height * other_height / (square * (square + area / PI));
+    // Seen from its middle alone, a texel that reaches over the receiver would look small.
+    let between = max(distance - 0.5 * radius, other_height);
+    let between_square = between * between;
+    let solid_angle = area * height * other_height / (between_square * (between_square + area / PI));
     if solid_angle > parameters.solid_angle {
         return REFINE;
     }

@@ -240,7 +240,8 @@ impl Integral<'_> {
         if other_height <= flat || height <= flat || height * other_height <= self.bound * nearest.powi(4) {
             return NOTHING;
         }
-        if node.area * height * other_height / (square * (square + node.area / PI)) > self.parameters.solid_angle {
+        let between = (distance - 0.5 * radius).max(other_height).powi(2);
+        if node.area * height * other_height / (between * (between + node.area / PI)) > self.parameters.solid_angle {
             return Visit::Refine;
         }
         let weight = node.area * residual_term(middle.max(0.0), other_height, square, node.area, self.bound);
