@@ -46,9 +46,15 @@ pub struct Options {
     /// What a virtual light can see, over the quality's
     #[arg(long, value_enum)]
     pub visibility: Option<VisibilityOption>,
-    /// Iterations of screen-space bias compensation; 0 is off
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub ssbc: u32,
+    /// Iterations of screen-space bias compensation, over the quality's; 0 is off
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=8))]
+    pub ssbc: Option<u32>,
+    /// Pixels at which it is integrated
+    #[arg(long, value_enum)]
+    pub ssbc_resolution: Option<ResolutionOption>,
+    /// Bounced light alone, before compensation, after it, or what it adds; instead of --isolate
+    #[arg(long, value_enum, conflicts_with = "isolate")]
+    pub show: Option<ShowOption>,
     /// History between frames
     #[arg(long, value_enum, default_value_t = Switch::Off)]
     pub temporal: Switch,
@@ -110,6 +116,26 @@ pub enum IsolateOption {
     Direct,
     /// Bounced light alone
     Indirect,
+}
+
+/// `--ssbc-resolution`
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ResolutionOption {
+    /// Every pixel
+    Full,
+    /// Every fourth
+    Half,
+}
+
+/// `--show`
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ShowOption {
+    /// Bounced light with a bounded geometry term
+    Bounded,
+    /// The same, compensated
+    Compensated,
+    /// The difference
+    Residual,
 }
 
 /// `--visibility`

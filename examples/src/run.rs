@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bevy::prelude::*;
-use bevy_bounce::{GiIsolate, GlobalIllumination, Quality, Technique, VplVisibility};
+use bevy_bounce::{GiIsolate, GlobalIllumination, Quality, SsbcResolution, Technique, VplVisibility};
 
-use crate::options::{IsolateOption, QualityOption, Switch, TechniqueOption, VisibilityOption};
+use crate::options::{
+    IsolateOption, QualityOption, ResolutionOption, ShowOption, Switch, TechniqueOption, VisibilityOption,
+};
 use crate::{Error, Options};
 
 /// A checked command line.
@@ -53,9 +55,9 @@ impl Options {
             check_writable(path)?;
         }
         let without = self.plain_bevy || self.technique == TechniqueOption::None;
-        if without && self.isolate == IsolateOption::Indirect {
+        if without && !matches!(self.isolate(), GiIsolate::All | GiIsolate::Direct) {
             return Err(Error::Usage(
-                "--isolate indirect: without a technique there is none; try --technique vpl".into(),
+                "bounced light alone: without a technique there is none; try --technique vpl".into(),
             ));
         }
         Ok(Run {
@@ -64,11 +66,7 @@ impl Options {
             size: self.size,
             steps: self.steps(),
             illumination: (!without).then(|| self.illumination()),
-            isolate: match self.isolate {
-                IsolateOption::All => GiIsolate::All,
-                IsolateOption::Direct => GiIsolate::Direct,
-                IsolateOption::Indirect => GiIsolate::Indirect,
-            },
+            isolate: self.isolate(),
             exposure: self.exposure,
             webgpu_limits: self.webgpu_limits,
             stats: self.stats.clone(),
@@ -81,12 +79,21 @@ impl Options {
             (self.technique == TechniqueOption::RadianceCache, "--technique radiance-cache; try vpl"),
             (self.technique == TechniqueOption::Cssm, "--technique cssm; try vpl"),
             (self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try atlas"),
-            (self.ssbc > 0, "--ssbc above 0"),
             (self.temporal == Switch::On, "--temporal on"),
             (self.glossy == Switch::On, "--glossy on"),
             (self.sky.is_some(), "--sky"),
         ];
         unbuilt.into_iter().find(|(asked, _)| *asked).map_or(Ok(()), |(_, what)| Err(Error::NotBuilt(what)))
+    }
+
+    fn isolate(&self) -> GiIsolate {
+        match (self.show, self.isolate) {
+            (Some(ShowOption::Bounded), _) => GiIsolate::Bounded,
+            (Some(ShowOption::Residual), _) => GiIsolate::Residual,
+            (Some(ShowOption::Compensated), _) | (None, IsolateOption::Indirect) => GiIsolate::Indirect,
+            (None, IsolateOption::All) => GiIsolate::All,
+            (None, IsolateOption::Direct) => GiIsolate::Direct,
+        }
     }
 
     fn illumination(&self) -> GlobalIllumination {
@@ -106,6 +113,12 @@ impl Options {
             Some(VisibilityOption::Ism) => VplVisibility::Ism,
             Some(_) => VplVisibility::Atlas,
             None => settings.visibility,
+        };
+        settings.ssbc.iterations = self.ssbc.unwrap_or(settings.ssbc.iterations);
+        settings.ssbc.resolution = match self.ssbc_resolution {
+            Some(ResolutionOption::Full) => SsbcResolution::Full,
+            Some(ResolutionOption::Half) => SsbcResolution::Half,
+            None => settings.ssbc.resolution,
         };
         let quality = if settings == preset.settings() { preset } else { Quality::Custom(settings) };
         GlobalIllumination { technique: Technique::InstantRadiosity, quality }

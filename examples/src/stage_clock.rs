@@ -75,7 +75,8 @@ impl Plugin for StageClockPlugin {
                     view(None).after(deferred_lighting).before(ViewPass::Surface),
                     view(Some("gbuffer")).after(ViewPass::Surface).before(ViewPass::Direct),
                     view(Some("direct")).after(ViewPass::Direct).before(ViewPass::Shade),
-                    view(Some("interleaved")).after(ViewPass::Shade).before(ViewPass::Compose),
+                    view(Some("interleaved")).after(ViewPass::Shade).before(ViewPass::Compensate),
+                    view(Some("ssbc")).after(ViewPass::Compensate).before(ViewPass::Compose),
                     view(Some("compose")).after(ViewPass::Compose).before(main_opaque_pass_3d),
                 ),
             );

@@ -392,3 +392,19 @@ pub struct WorldPoint {
     /// Octahedral normal, 2 snorm16; lowest bit: both sides cast.
     pub normal: u32,
 }
+
+/// How the bias compensation integrates.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct SsbcParameters {
+    /// Projected solid angle above which a texel is refined, sr.
+    pub solid_angle: f32,
+    /// The same for a texel that spans an edge, sr.
+    pub edge_solid_angle: f32,
+    /// Pixels a side of a texel of the residual: 1 or 2.
+    pub scale: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding: u32,
+}
+
+/// Levels of the hierarchy of the bias compensation above the pixels.
+pub const SSBC_LEVELS: u32 = 6;

@@ -204,7 +204,7 @@ pub struct Resources {
     by_name: BTreeMap<String, Resource>,
 }
 
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 enum Resource {
     Buffer(wgpu::Buffer),
     Texture(wgpu::Texture, wgpu::TextureView),
@@ -308,6 +308,38 @@ impl Resources {
         }
         let view = texture.create_view(&Default::default());
         self.by_name.insert(name.to_owned(), Resource::Texture(texture, view));
+        self
+    }
+
+    /// Adds a 2D texture of zeros, and each of its mip levels under a name of its own.
+    pub fn mips(mut self, name: &str, format: wgpu::TextureFormat, size: [u32; 2], levels: &[&str]) -> Self {
+        let texture = self.gpu.device.create_texture(&wgpu::TextureDescriptor {
+            label: Some(name),
+            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+            mip_level_count: levels.len() as u32,
+            sample_count: 1,
+            dimension: wgpu::TextureDimension::D2,
+            format,
+            usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING,
+            view_formats: &[],
+        });
+        for (level, alias) in (0..).zip(levels) {
+            let view = texture.create_view(&wgpu::TextureViewDescriptor {
+                base_mip_level: level,
+                mip_level_count: Some(1),
+                ..Default::default()
+            });
+            self.by_name.insert((*alias).to_owned(), Resource::Texture(texture.clone(), view));
+        }
+        let view = texture.create_view(&Default::default());
+        self.by_name.insert(name.to_owned(), Resource::Texture(texture, view));
+        self
+    }
+
+    /// Gives what has that name another one as well.
+    pub fn alias(mut self, name: &str, alias: &str) -> Self {
+        let resource = self.by_name.get(name).unwrap_or_else(|| panic!("no resource {name}")).clone();
+        self.by_name.insert(alias.to_owned(), resource);
         self
     }
 

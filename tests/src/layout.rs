@@ -53,6 +53,7 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         Emitter,
         VplParameters,
         VplHeader,
+        SsbcParameters,
     ];
     let fields = struct_fields(TYPES);
     let mut layouts = BTreeMap::new();

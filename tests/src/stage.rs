@@ -1,19 +1,27 @@
 //! A scene rendered without a window, frame by frame, with the helpers of the examples.
 
+use std::path::PathBuf;
 use std::time::Duration;
 
 use bevy::prelude::*;
 use bevy::render::RenderApp;
-use bevy_bounce::{GiIsolate, GiSettings, GlobalIllumination, Quality, Technique, VplVisibility};
+use bevy_bounce::{GiIsolate, GiSettings, GlobalIllumination, Quality, SsbcSettings, Technique, VplVisibility};
 use bevy_bounce_examples::capture::{self, CaptureScene, Targets};
 use bevy_bounce_examples::{Run, app, headless};
 
 use crate::gpu::webgpu_limits;
 use crate::picture::Picture;
 
-/// Settings that a software adapter renders in a moment.
-pub const SMALL: GiSettings =
-    GiSettings { grid: 32, vpls: 256, bounces: 6, visibility: VplVisibility::Voxel, tile: 24, bound: 1.0 };
+/// Settings that a software adapter renders in a moment, without bias compensation.
+pub const SMALL: GiSettings = GiSettings {
+    grid: 32,
+    vpls: 256,
+    bounces: 6,
+    visibility: VplVisibility::Voxel,
+    tile: 24,
+    bound: 1.0,
+    ssbc: SsbcSettings::OFF,
+};
 
 /// Global illumination with those settings.
 pub fn illumination(settings: GiSettings) -> GlobalIllumination {
@@ -35,8 +43,13 @@ impl Stage {
 
     /// With every option of a run.
     pub fn with_run(run: Run, scene: impl FnOnce(&mut App)) -> Self {
+        Self::with_assets(run, None, scene)
+    }
+
+    /// With every option of a run, and the folder that asset paths start from.
+    pub fn with_assets(run: Run, assets: Option<PathBuf>, scene: impl FnOnce(&mut App)) -> Self {
         let size = run.size;
-        let mut app = app::build(&run, None);
+        let mut app = app::build(&run, assets);
         scene(&mut app);
         headless::warm_up(&mut app).unwrap_or_else(|error| panic!("{error}"));
         let mut stage = Self { app, size };

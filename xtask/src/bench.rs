@@ -21,13 +21,16 @@ usage: cargo xtask bench [OPTIONS]
   --vpls N              virtual lights; repeatable; 256, 1024 and 4096
   --visibility V        none or voxel; repeatable; both
   --frames N            frames a run; 30
-  --part P              frames, memory or growth; repeatable; all
+  --part P              frames, ssbc, memory or growth; repeatable; all
   --quick               one small run of each part, to see that they work
   --json FILE           also write what was measured
 ";
 
 /// The parts of a report.
-const PARTS: [&str; 3] = ["frames", "memory", "growth"];
+const PARTS: [&str; 4] = ["frames", "ssbc", "memory", "growth"];
+
+/// Iterations of bias compensation that are compared.
+const ITERATIONS: [u32; 4] = [0, 1, 2, 3];
 
 /// What to measure.
 #[derive(Debug, PartialEq)]
@@ -101,6 +104,8 @@ struct Job {
     size: String,
     /// Visibility and virtual lights; `None` is plain Bevy.
     lights: Option<(String, u32)>,
+    /// Iterations of bias compensation; `None` leaves the default.
+    ssbc: Option<u32>,
 }
 
 impl Job {
@@ -113,6 +118,7 @@ impl Job {
             }
             None => args.push("--plain-bevy".into()),
         }
+        args.extend(self.ssbc.iter().flat_map(|iterations| ["--ssbc".to_owned(), iterations.to_string()]));
         args
     }
 
@@ -121,7 +127,8 @@ impl Job {
             Some((visibility, vpls)) => format!("{vpls} virtual lights, visibility {visibility}"),
             None => "plain Bevy".to_owned(),
         };
-        format!("{} {} {lights}", self.scene, self.size)
+        let ssbc = self.ssbc.map_or(String::new(), |iterations| format!(", {iterations} compensations"));
+        format!("{} {} {lights}{ssbc}", self.scene, self.size)
     }
 }
 
@@ -153,6 +160,7 @@ pub fn bench(args: &[String]) -> Result<()> {
             scene: job.scene.clone(),
             size: job.size.clone(),
             lights: job.lights.clone(),
+            ssbc: job.ssbc,
             outcome: outcome.map(|stats| (stats, file)).map_err(|error| error.to_string()),
         });
     }
@@ -171,8 +179,15 @@ fn jobs(options: &Options, folder: &Path) -> Result<Vec<Job>> {
     for scene in options.scenes.iter().filter(|_| options.has("frames")) {
         let file = scene_file(scene)?;
         for size in &options.sizes {
-            let job =
-                |lights| Job { part: "frames", scene: scene.clone(), file: file.clone(), size: size.clone(), lights };
+            let (scene, file, size) = (scene.clone(), file.clone(), size.clone());
+            let job = |lights| Job {
+                part: "frames",
+                scene: scene.clone(),
+                file: file.clone(),
+                size: size.clone(),
+                lights,
+                ssbc: None,
+            };
             jobs.push(job(None));
             for visibility in &options.visibilities {
                 jobs.extend(options.vpls.iter().map(|vpls| job(Some((visibility.clone(), *vpls)))));
@@ -181,8 +196,12 @@ fn jobs(options: &Options, folder: &Path) -> Result<Vec<Job>> {
     }
     let one = |part, scene: String, file, size: &str, visibility: &str, vpls| {
         let lights = Some((visibility.to_owned(), vpls));
-        Job { part, scene, file, size: size.to_owned(), lights }
+        Job { part, scene, file, size: size.to_owned(), lights, ssbc: None }
     };
+    for visibility in options.visibilities.iter().filter(|_| options.has("ssbc")) {
+        let job = one("ssbc", "cornell".to_owned(), None, &options.sizes[0], visibility, 1024);
+        jobs.extend(ITERATIONS.map(|iterations| Job { ssbc: Some(iterations), ..job.clone() }));
+    }
     if options.has("memory") {
         jobs.push(one("memory", "cornell".to_owned(), None, "1280x720", "voxel", 1024));
     }

@@ -19,7 +19,7 @@ pub struct Report {
 
 /// One run.
 pub struct Row {
-    /// `frames`, `memory` or `growth`.
+    /// `frames`, `ssbc`, `memory` or `growth`.
     pub part: &'static str,
     /// Its scene.
     pub scene: String,
@@ -27,6 +27,8 @@ pub struct Row {
     pub size: String,
     /// Visibility and virtual lights; `None` is plain Bevy.
     pub lights: Option<(String, u32)>,
+    /// Iterations of bias compensation, where they are what is compared.
+    pub ssbc: Option<u32>,
     /// Statistics and the file they were read from, or what went wrong.
     pub outcome: std::result::Result<(Stats, PathBuf), String>,
 }
@@ -64,7 +66,7 @@ impl Report {
             };
             Ok(json!({
                 "part": row.part, "scene": row.scene, "size": row.size, "plain_bevy": row.lights.is_none(),
-                "visibility": visibility, "vpls": vpls, "stats": stats
+                "visibility": visibility, "vpls": vpls, "ssbc": row.ssbc, "stats": stats
             }))
         });
         Ok(serde_json::to_string_pretty(&runs.collect::<Result<Vec<Value>>>()?)?)
@@ -107,6 +109,23 @@ impl Report {
             let cell =
                 |name: &&String| row.stats().and_then(|stats| stats.stage(name)).map_or(NONE.to_owned(), stage_cell);
             table.row(row.key().into_iter().chain(names.iter().map(cell)));
+        }
+        table
+    }
+
+    /// Bias compensation by iterations, and what one of them costs beside the shading by virtual lights.
+    fn ssbc(&self) -> Table {
+        let own = ["iterations", "interleaved ms", "ssbc ms", "ms an iteration", "% of interleaved"];
+        let mut table = Table::new(KEY.into_iter().chain(own));
+        for row in self.part("ssbc") {
+            let time = |name| Some(row.stats()?.stage(name)?.gpu?.median);
+            let (shading, ssbc) = (time("interleaved"), time("ssbc"));
+            let each = ssbc.zip(row.ssbc.filter(|iterations| *iterations > 0)).map(|(ms, n)| ms / f64::from(n));
+            let share = each.zip(shading).map(|(each, shading)| format!("{:.0}", 100.0 * each / shading));
+            let ms = |value: Option<f64>| value.map_or(NONE.to_owned(), milliseconds);
+            let iterations = row.ssbc.map_or(NONE.to_owned(), |iterations| iterations.to_string());
+            let cells = [iterations, ms(shading), ms(ssbc), ms(each), share.unwrap_or(NONE.to_owned())];
+            table.row(row.key().into_iter().chain(cells));
         }
         table
     }
@@ -171,6 +190,9 @@ impl fmt::Display for Report {
             writeln!(f, "\nWhole frames, submitted and finished\n\n{}", self.frames())?;
             writeln!(f, "Stages, GPU ms: median (95th percentile)\n\n{}", self.stages())?;
         }
+        if self.part("ssbc").next().is_some() {
+            writeln!(f, "Bias compensation\n\n{}", self.ssbc())?;
+        }
         write!(f, "{}", self.memory())?;
         if self.part("growth").next().is_some() {
             writeln!(f, "\nVoxelisation of one shape cut into more and more triangles\n\n{}", self.growth())?;
@@ -208,6 +230,7 @@ mod tests {
             scene: "cornell".into(),
             size: "320x180".into(),
             lights: lights.map(|vpls| ("voxel".to_owned(), vpls)),
+            ssbc: None,
             outcome: outcome.map(|stats| (stats, PathBuf::new())).map_err(str::to_owned),
         }
     }

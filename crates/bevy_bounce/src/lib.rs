@@ -26,6 +26,7 @@ pub mod scene;
 mod settings;
 pub mod shadow_atlas;
 mod sort;
+pub mod ssbc;
 mod view;
 pub mod vpl;
 
@@ -37,6 +38,7 @@ pub use plugins::{GiSystems, GlobalIlluminationPlugins};
 pub use scene::{GiLight, GiScenePlugin, VoxelizedMesh};
 pub use settings::{GiSettings, GlobalIllumination, Quality, Technique, VplVisibility};
 pub use shadow_atlas::ShadowAtlasPlugin;
+pub use ssbc::{SsbcPlugin, SsbcResolution, SsbcSettings};
 pub use vpl::VplPlugin;
 
 /// What a game needs to name.

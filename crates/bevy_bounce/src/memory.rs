@@ -7,6 +7,7 @@ use bevy::prelude::*;
 use crate::avg::VoxelGrid;
 use crate::scene::SceneBuffers;
 use crate::shadow_atlas::ShadowAtlas;
+use crate::ssbc::SsbcTextures;
 use crate::view::ViewTextures;
 use crate::vpl::VplBuffers;
 
@@ -16,11 +17,13 @@ use crate::vpl::VplBuffers;
 /// keeps to itself.
 pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let mut views = render_world.query::<&ViewTextures>();
+    let mut compensated = render_world.query::<&SsbcTextures>();
     let items = render_world.get_resource::<SceneBuffers>().map(SceneBuffers::bytes).into_iter().flatten();
     let items = items.chain(render_world.get_resource::<VoxelGrid>().map(VoxelGrid::bytes).into_iter().flatten());
     let items = items.chain(render_world.get_resource::<VplBuffers>().map(VplBuffers::bytes).into_iter().flatten());
     let items = items.chain(render_world.get_resource::<ShadowAtlas>().map(ShadowAtlas::bytes).into_iter().flatten());
     let items = items.chain(views.iter(render_world).flat_map(ViewTextures::bytes));
+    let items = items.chain(compensated.iter(render_world).flat_map(SsbcTextures::bytes));
     let mut memory = BTreeMap::new();
     for (name, bytes) in items {
         *memory.entry(name).or_default() += bytes;

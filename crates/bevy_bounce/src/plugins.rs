@@ -7,7 +7,9 @@ use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
 use crate::settings::{GiWorldSettings, extract_world_settings};
-use crate::{AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, ShadowAtlasPlugin, VplPlugin};
+use crate::{
+    AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
+};
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.
 ///
@@ -18,6 +20,7 @@ use crate::{AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin,
 /// | [`VplPlugin`] | virtual point lights | nothing bounces |
 /// | [`ShadowAtlasPlugin`] | what virtual point lights see | they see by rays through the grid |
 /// | [`InterleavedShadingPlugin`] | indirect light per pixel | nothing bounces |
+/// | [`SsbcPlugin`] | gives back what bounding took from the indirect light | corners are darker |
 /// | [`GiComposePlugin`] | into the picture | Bevy's own picture |
 #[derive(Default)]
 pub struct GlobalIlluminationPlugins {
@@ -32,6 +35,7 @@ impl PluginGroup for GlobalIlluminationPlugins {
             .add(VplPlugin)
             .add(ShadowAtlasPlugin)
             .add(InterleavedShadingPlugin)
+            .add(SsbcPlugin)
             .add(GiComposePlugin)
     }
 }

@@ -4,6 +4,8 @@ use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
 
+use crate::SsbcSettings;
+
 /// Lights what this camera sees with bounced light, computed afresh every frame.
 ///
 /// Brings along what it needs (HDR, deferred prepass, no MSAA, no ambient light) and hands back what it found when it is
@@ -30,14 +32,14 @@ pub enum Technique {
 /// How much is spent. With several cameras the world stages follow the most demanding one.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq)]
 pub enum Quality {
-    /// 256 virtual lights, a grid of 32^3 voxels.
+    /// 256 virtual lights, a grid of 32^3 voxels, one bias compensation.
     Low,
-    /// 1024 virtual lights, a grid of 64^3 voxels.
+    /// 1024 virtual lights, a grid of 64^3 voxels, one bias compensation.
     #[default]
     Medium,
-    /// 4096 virtual lights, a grid of 96^3 voxels.
+    /// 4096 virtual lights, a grid of 96^3 voxels, two bias compensations.
     High,
-    /// 8192 virtual lights, a grid of 128^3 voxels.
+    /// 8192 virtual lights, a grid of 128^3 voxels, two bias compensations.
     Ultra,
     /// Every value by hand.
     Custom(GiSettings),
@@ -62,6 +64,8 @@ pub struct GiSettings {
     /// Scale of the bound of the geometry term, which by itself follows from the number of lights and the area of the scene:
     /// 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches.
     pub bound: f32,
+    /// Compensation of what the bounded geometry term takes from corners.
+    pub ssbc: SsbcSettings,
 }
 
 /// Virtual lights times triangles that are drawn into their shadow maps, at most.
@@ -100,19 +104,20 @@ impl Default for GiSettings {
 impl Quality {
     /// The values this quality stands for, within the documented ranges.
     pub fn settings(&self) -> GiSettings {
-        let preset = |grid, vpls, tile| GiSettings {
+        let preset = |grid, vpls, tile, iterations| GiSettings {
             grid,
             vpls,
             bounces: 12,
             visibility: VplVisibility::Atlas,
             tile,
             bound: 1.0,
+            ssbc: SsbcSettings { iterations, ..default() },
         };
         match *self {
-            Quality::Low => preset(32, 256, 24),
-            Quality::Medium => preset(64, 1024, 32),
-            Quality::High => preset(96, 4096, 32),
-            Quality::Ultra => preset(128, 8192, 48),
+            Quality::Low => preset(32, 256, 24, 1),
+            Quality::Medium => preset(64, 1024, 32, 1),
+            Quality::High => preset(96, 4096, 32, 2),
+            Quality::Ultra => preset(128, 8192, 48, 2),
             Quality::Custom(custom) => GiSettings {
                 grid: custom.grid.clamp(8, 256),
                 vpls: custom.vpls.clamp(16, 65536),
@@ -120,6 +125,7 @@ impl Quality {
                 visibility: custom.visibility,
                 tile: custom.tile.clamp(8, 48) & !3,
                 bound: if custom.bound.is_finite() { custom.bound.clamp(0.01, 100.0) } else { 1.0 },
+                ssbc: custom.ssbc.clamped(),
             },
         }
     }
@@ -145,5 +151,6 @@ pub(crate) fn extract_world_settings(
             visibility: a.visibility.max(b.visibility),
             tile: a.tile.max(b.tile),
             bound: a.bound.min(b.bound),
+            ssbc: a.ssbc,
         });
 }

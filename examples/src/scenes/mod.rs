@@ -2,12 +2,14 @@
 
 mod animal;
 mod animal_mesh;
+mod buddha_box;
 mod build;
 mod cornell;
 mod office;
 mod u_room;
 
 pub use animal::AnimalPlugin;
+pub use buddha_box::BuddhaBoxPlugin;
 pub use build::{Builder, Walls};
 pub use cornell::{Block, CornellBox, CornellPlugin, Panel, Surface};
 pub use office::OfficePlugin;

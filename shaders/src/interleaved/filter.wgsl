@@ -6,7 +6,7 @@
 // Cost: 32 loads a pixel, 128 along edges.
 
 #import bevy_render::view::View
-#import bevy_bounce::interleaved::surface::{Surface, unpack_surface}
+#import bevy_bounce::interleaved::surface::{Surface, unpack_surface, is_same_surface}
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var surface_texture: texture_2d<u32>;
@@ -15,15 +15,6 @@
 
 /// Samples below which the window grows.
 const ENOUGH: f32 = 12.0;
-/// Cosine of the angle between normals beyond which there is an edge.
-const NORMAL_EDGE: f32 = 0.85;
-/// Pixels off the plane of the surface beyond which there is an edge.
-const PLANE_EDGE: f32 = 2.0;
-
-fn is_same_surface(a: Surface, b: Surface) -> bool {
-    let off_plane = abs(dot(a.normal, b.position - a.position));
-    return b.valid && dot(a.normal, b.normal) > NORMAL_EDGE && off_plane < PLANE_EDGE * a.footprint;
-}
 
 // Sum of the light, and the number of samples, in a window.
 fn gather_window(center: Surface, pixel: vec2<i32>, low: i32, high: i32) -> vec4<f32> {

@@ -32,3 +32,13 @@ fn unpack_surface(texel: vec2<u32>, pixel: vec2<u32>, size: vec2<u32>, view: Vie
     surface.footprint = distance(surface.position, next);
     return surface;
 }
+
+/// Cosine of the angle between normals beyond which there is an edge.
+const NORMAL_EDGE: f32 = 0.85;
+/// Pixels off the plane of the surface beyond which there is an edge.
+const PLANE_EDGE: f32 = 2.0;
+
+fn is_same_surface(a: Surface, b: Surface) -> bool {
+    let off_plane = abs(dot(a.normal, b.position - a.position));
+    return b.valid && dot(a.normal, b.normal) > NORMAL_EDGE && off_plane < PLANE_EDGE * a.footprint;
+}

@@ -4,6 +4,7 @@
 pub mod grid;
 pub mod random;
 pub mod sampling;
+pub mod ssbc;
 pub mod voxels;
 
 use bevy::math::{Vec2, Vec3};

@@ -12,4 +12,5 @@ mod sampling;
 mod shaders;
 mod shadow_atlas;
 mod sort;
+mod ssbc;
 mod voxels;

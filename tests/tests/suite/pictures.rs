@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bevy::camera::Exposure;
 use bevy::prelude::*;
-use bevy_bounce::{GiLight, GiSettings, GlobalIllumination, Technique, VoxelizedMesh, VplVisibility};
+use bevy_bounce::{GiLight, GiSettings, GlobalIllumination, SsbcSettings, Technique, VoxelizedMesh, VplVisibility};
 use bevy_bounce_examples::scenes::{AnimalPlugin, Builder, CornellPlugin, Walls};
 use bevy_bounce_tests::metrics::{Bounds, Metrics, compare};
 use bevy_bounce_tests::picture::Picture;
@@ -28,14 +28,7 @@ fn black(picture: &Picture) -> bool {
 fn cornell_box_equals_its_reference() {
     let reference = Picture::load(&committed_file("cornell_box.indirect.exr")).expect("is committed");
     let bounds = Bounds { energy: Some((0.88, 1.08)), low: Some(0.22), flip: Some(0.16), nrmse: None };
-    let mut stage = cornell(GiSettings {
-        grid: 64,
-        vpls: 1024,
-        bounces: 12,
-        visibility: VplVisibility::Voxel,
-        tile: 32,
-        bound: 1.0,
-    });
+    let mut stage = cornell(GiSettings { grid: 64, vpls: 1024, bounces: 12, ..SMALL });
     let picture = stage.picture();
     let metrics = compare(&picture, &reference, &bounds).unwrap_or_else(|error| panic!("{error}"));
     println!("{metrics:?}");
@@ -61,6 +54,7 @@ fn frames_are_the_same_to_the_byte_and_follow_every_change() {
         ("vpls", GiSettings { vpls: 512, ..SMALL }),
         ("bounces", GiSettings { bounces: 2, ..SMALL }),
         ("visibility", GiSettings { visibility: VplVisibility::None, ..SMALL }),
+        ("ssbc", GiSettings { ssbc: SsbcSettings::default(), ..SMALL }),
     ];
     for (name, settings) in changed {
         stage.light_by(illumination(settings));

@@ -4,7 +4,7 @@
 //!
 //! 1. `surface` packs depth and normal of Bevy's G-buffer for the passes of a view.
 //! 2. `direct` lights with Bevy's own functions, and keeps the diffuse part aside.
-//! 3. Bounced light is shaded.
+//! 3. Bounced light is shaded and compensated.
 //! 4. `compose` adds up: direct + indirect * diffuse colour * occlusion + emission, then fog, before screen-space
 //!    reflections and everything drawn forward.
 //!
@@ -41,6 +41,16 @@ pub enum GiIsolate {
     Direct,
     /// Bounced light alone: no sky, fog, forward or blended surfaces.
     Indirect,
+    /// The same without bias compensation.
+    Bounded,
+    /// What bias compensation adds to it.
+    Residual,
+}
+
+impl GiIsolate {
+    pub(crate) fn is_bounced_light_alone(self) -> bool {
+        matches!(self, Self::Indirect | Self::Bounded | Self::Residual)
+    }
 }
 
 /// Passes of a view, in order, within [`Core3dSystems::MainPass`].
@@ -52,6 +62,8 @@ pub enum ViewPass {
     Direct,
     /// Bounced light into `indirect`.
     Shade,
+    /// What bounding took from it is added.
+    Compensate,
     /// Into the picture.
     Compose,
 }
@@ -90,7 +102,7 @@ impl Plugin for GiComposePlugin {
             )
             .configure_sets(
                 Core3d,
-                (ViewPass::Surface, ViewPass::Direct, ViewPass::Shade, ViewPass::Compose)
+                (ViewPass::Surface, ViewPass::Direct, ViewPass::Shade, ViewPass::Compensate, ViewPass::Compose)
                     .chain()
                     .in_set(Core3dSystems::MainPass)
                     .after(deferred_lighting)

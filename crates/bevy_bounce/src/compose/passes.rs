@@ -176,7 +176,7 @@ pub(super) fn compose_pass(
     span.end(ctx.command_encoder());
 }
 
-/// Bounced light alone over the finished main pass, where [`GiIsolate::Indirect`](crate::GiIsolate) asks for it.
+/// Bounced light alone over the finished main pass, where [`GiIsolate`](crate::GiIsolate) asks for it.
 pub(super) fn isolate_pass(
     view: ViewQuery<
         (

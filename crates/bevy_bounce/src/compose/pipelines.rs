@@ -234,7 +234,7 @@ pub(super) fn prepare_compose_pipelines(
         let view_pipelines = ViewPipelines {
             direct: pipeline(Pass::Direct),
             compose: pipeline(Pass::Compose { indirect: gi.isolate != GiIsolate::Direct }),
-            isolate: (gi.isolate == GiIsolate::Indirect).then(|| pipeline(Pass::Isolate)),
+            isolate: gi.isolate.is_bounced_light_alone().then(|| pipeline(Pass::Isolate)),
         };
         let ids = [Some(view_pipelines.direct), Some(view_pipelines.compose), view_pipelines.isolate];
         let state = |id: &CachedRenderPipelineId| cache.get_render_pipeline_state(*id);

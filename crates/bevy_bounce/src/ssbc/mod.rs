@@ -1,0 +1,138 @@
+//! Bias compensation: gives back the light that the bounded geometry term takes from corners and contacts.
+//! Novak, Engelhardt and Dachsbacher 2011, "Screen-Space Bias Compensation for Interactive High-Quality Global Illumination
+//! with Virtual Point Lights".
+//!
+//! What a bound b takes from the transport operator T is the residual operator, with max(G - b, 0) for the geometry term
+//! G. Applied to what surfaces really send, which has no singularities, it gives the light that is missing:
+//! L = S + R S + R R S + ..., where S is direct diffuse light, bounded bounced light and emission, as far as the camera
+//! sees them.
+//!
+//! Each iteration:
+//!
+//! 1. `radiance`: what each pixel sends, with what the iterations before have found. Into the view's `interleaved` texture,
+//!    which is free by then.
+//! 2. `reduce`, twice: six levels of depth, normal, area and radiance above the pixels, each texel marked where an edge runs
+//!    through it.
+//! 3. `gather`: a descent through the levels at each pixel, or at each fourth.
+//!
+//! Then `apply` adds the residual to the bounced light: upsampled among pixels of one surface, and integrated anew where
+//! that fails.
+//!
+//! # Data
+//!
+//! | texture | bytes at 1280x720 | holds |
+//! |---|---|---|
+//! | `hierarchy` | 5.0 MiB | levels of 2 to 64 pixels a texel: see `ssbc/hierarchy.wgsl` |
+//! | `residual` | 3.5 MiB, at half resolution 0.9 MiB | irradiance over pi that is added, rgb9e5 |
+//! | `blurred` | as much, where [`SsbcSettings::blur`] asks for it | the same, blurred |
+//!
+//! # Where it differs from the paper
+//!
+//! Emission is part of what is integrated: emissive surfaces light others through virtual lights here, and those are
+//! bounded, too. A texel that can have nothing above the bound anywhere within it is left out at once, by the heights of
+//! each end over the other's plane. An edge keeps the range of its depths, so that what lies near is not overlooked because
+//! the mean lies far. The descent needs no stack.
+//!
+//! # What it cannot know
+//!
+//! What the camera does not see gives nothing back. Lights that [`GiLight`](crate::GiLight) changes and meshes that
+//! [`VoxelizedMesh`](crate::VoxelizedMesh) leaves out count as they look. Nothing is taken to lie between two points that
+//! are nearer to each other than 1 / sqrt(b).
+
+mod passes;
+mod pipelines;
+mod prepare;
+
+use bevy::core_pipeline::schedule::Core3d;
+use bevy::prelude::*;
+use bevy::render::{Render, RenderApp, RenderStartup};
+
+use crate::GiSystems;
+use crate::camera::device_is_adequate;
+use crate::compose::ViewPass;
+use crate::compute::load_shaders;
+use crate::plugins::configure_stages;
+
+pub(crate) use prepare::SsbcTextures;
+
+/// How bias compensation is computed; part of [`GiSettings`](crate::GiSettings).
+#[derive(Reflect, Clone, Copy, Debug, PartialEq)]
+pub struct SsbcSettings {
+    /// Iterations, 0 to 8; 0 is off. Each costs the same, and gives back what light that is given back loses in turn: n
+    /// leave out about the (n + 1)th power of the albedo.
+    pub iterations: u32,
+    /// Projected solid angle, sr, above which a group of pixels is taken apart. Less is more exact; cost grows with its
+    /// inverse where surfaces meet.
+    pub solid_angle: f32,
+    /// The same for a group of pixels that an edge runs through.
+    pub edge_solid_angle: f32,
+    /// Pixels at which it is integrated.
+    pub resolution: SsbcResolution,
+    /// Blurs the result within surfaces, two texels of its resolution wide; hides steps where few pixels are looked at.
+    pub blur: bool,
+}
+
+/// Pixels at which bias compensation is integrated.
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SsbcResolution {
+    /// Each.
+    Full,
+    /// Each fourth; between them it is interpolated within surfaces, and integrated anew at pixels whose surface has too
+    /// few of them near. A third of the time of `Full`, or so, and hardly another picture.
+    #[default]
+    Half,
+}
+
+impl SsbcSettings {
+    /// No compensation.
+    pub const OFF: Self = Self { iterations: 0, ..Self::DEFAULT };
+    const DEFAULT: Self = Self {
+        iterations: 1,
+        solid_angle: 0.08,
+        edge_solid_angle: 0.04,
+        resolution: SsbcResolution::Half,
+        blur: false,
+    };
+
+    /// The same within the documented ranges.
+    pub(crate) fn clamped(self) -> Self {
+        let finite = |value: f32, default: f32| if value.is_finite() { value.clamp(1e-4, 7.0) } else { default };
+        Self {
+            iterations: self.iterations.min(8),
+            solid_angle: finite(self.solid_angle, Self::DEFAULT.solid_angle),
+            edge_solid_angle: finite(self.edge_solid_angle, Self::DEFAULT.edge_solid_angle),
+            ..self
+        }
+    }
+}
+
+impl Default for SsbcSettings {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}
+
+/// Gives back the light that bounding takes; see the [module](self).
+pub struct SsbcPlugin;
+
+impl Plugin for SsbcPlugin {
+    fn build(&self, app: &mut App) {
+        app.register_type::<SsbcSettings>();
+    }
+
+    fn finish(&self, app: &mut App) {
+        if !device_is_adequate(app) {
+            return;
+        }
+        load_shaders(app);
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        configure_stages(render_app);
+        render_app
+            .add_systems(RenderStartup, (pipelines::init_pipelines, prepare::forget_textures))
+            .add_systems(
+                Render,
+                prepare::prepare_textures.in_set(GiSystems::Prepare).after(crate::view::prepare_view_textures),
+            )
+            .add_systems(Core3d, passes::compensate.in_set(ViewPass::Compensate));
+    }
+}

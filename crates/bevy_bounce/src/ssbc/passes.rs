@@ -1,0 +1,181 @@
+//! Iterate, then add what was found to the bounced light.
+
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::prelude::*;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::{
+    BindGroup, BindingResource, Buffer, BufferBinding, CommandEncoder, LoadOp, Operations, PipelineCache,
+    RenderPassColorAttachment, RenderPassDescriptor, ShaderType, StoreOp, TextureView,
+};
+use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
+use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+
+use super::SsbcTextures;
+use super::pipelines::SsbcPipelines;
+use crate::GiIsolate;
+use crate::compute::{bind_group, whole};
+use crate::view::{GiView, ViewTextures};
+use crate::vpl::VplBuffers;
+
+/// Edge of a workgroup.
+const GROUP: u32 = 8;
+/// Levels that one dispatch of `reduce` makes.
+const LEVELS_AT_ONCE: usize = 3;
+
+/// What the passes of a view bind.
+struct Inputs<'a> {
+    view: BindingResource<'a>,
+    parameters: BindingResource<'a>,
+    deferred: &'a TextureView,
+    header: &'a Buffer,
+    textures: &'a ViewTextures,
+    ours: &'a SsbcTextures,
+}
+
+/// Bind groups of the passes of a view.
+struct Groups {
+    radiance: [BindGroup; 2],
+    reduce: [BindGroup; 2],
+    gather: BindGroup,
+    blur: Option<BindGroup>,
+    apply: BindGroup,
+}
+
+fn texture(view: &TextureView) -> BindingResource<'_> {
+    BindingResource::TextureView(view)
+}
+
+impl<'a> Inputs<'a> {
+    /// Bindings 0 to 2, which every pass has, and more.
+    fn with(&self, more: impl IntoIterator<Item = BindingResource<'a>>) -> Vec<BindingResource<'a>> {
+        let common = [self.view.clone(), self.parameters.clone(), texture(&self.textures.surface)];
+        common.into_iter().chain(more).collect()
+    }
+
+    /// Bindings of what integrates, with number 3.
+    fn integrand(&self, residual: &'a TextureView) -> Vec<BindingResource<'a>> {
+        let (radiance, hierarchy) = (texture(&self.textures.interleaved), texture(&self.ours.hierarchy));
+        self.with([texture(residual), whole(self.header), radiance, hierarchy])
+    }
+
+    fn groups(&self, p: &SsbcPipelines, device: &RenderDevice, cache: &PipelineCache) -> Groups {
+        let (textures, ours) = (self.textures, self.ours);
+        let radiance = self.with([
+            texture(&ours.residual),
+            texture(self.deferred),
+            texture(&textures.direct_diffuse),
+            texture(&textures.indirect),
+            texture(&textures.interleaved),
+        ]);
+        let levels = || ours.levels.iter().map(texture);
+        let from_pixels = self.with([texture(&textures.interleaved)].into_iter().chain(levels().take(LEVELS_AT_ONCE)));
+        let from_level = self.with(levels().skip(LEVELS_AT_ONCE - 1));
+        let result = ours.blurred.as_ref().unwrap_or(&ours.residual);
+        Groups {
+            radiance: [0, 1].map(|i| p.radiance[i].bind(device, cache, &radiance)),
+            reduce: [p.reduce[0].bind(device, cache, &from_pixels), p.reduce[1].bind(device, cache, &from_level)],
+            gather: p.gather.bind(device, cache, &self.integrand(&ours.residual)),
+            blur: ours
+                .blurred
+                .as_ref()
+                .map(|blurred| p.blur.bind(device, cache, &self.with([texture(&ours.residual), texture(blurred)]))),
+            apply: bind_group(device, cache, &p.apply_layout, &self.integrand(result)),
+        }
+    }
+}
+
+/// One application of the residual operator to the last one's result.
+fn iterate(
+    encoder: &mut CommandEncoder,
+    cache: &PipelineCache,
+    p: &SsbcPipelines,
+    groups: &Groups,
+    view: &Sizes,
+    first: bool,
+) {
+    let radiance = usize::from(!first);
+    p.radiance[radiance].dispatch(encoder, cache, &[&groups.radiance[radiance]], view.pixels);
+    p.reduce[0].dispatch(encoder, cache, &[&groups.reduce[0]], view.low_levels);
+    p.reduce[1].dispatch(encoder, cache, &[&groups.reduce[1]], view.high_levels);
+    p.gather.dispatch(encoder, cache, &[&groups.gather], view.residual);
+}
+
+/// Workgroups of the passes of a view.
+struct Sizes {
+    pixels: UVec3,
+    low_levels: UVec3,
+    high_levels: UVec3,
+    residual: UVec3,
+}
+
+impl Sizes {
+    fn new(textures: &ViewTextures, ours: &SsbcTextures) -> Self {
+        let groups = |texels: UVec2| texels.map(|texels| texels.div_ceil(GROUP)).extend(1);
+        Self {
+            pixels: groups(textures.size),
+            low_levels: groups(ours.level_size(0)),
+            high_levels: groups(ours.level_size(LEVELS_AT_ONCE as u32)),
+            residual: groups(ours.residual_size),
+        }
+    }
+}
+
+pub(super) fn compensate(
+    view: ViewQuery<(&GiView, &ViewTextures, &SsbcTextures, &ViewPrepassTextures, &ViewUniformOffset)>,
+    pipelines: Option<Res<SsbcPipelines>>,
+    view_uniforms: Res<ViewUniforms>,
+    vpl: Option<Res<VplBuffers>>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (gi, textures, ours, prepass, offset) = view.into_inner();
+    let (Some(p), Some(vpl)) = (pipelines, vpl) else { return };
+    if gi.isolate == GiIsolate::Bounded || !p.are_ready(&cache) {
+        return;
+    }
+    let (Some(view_buffer), Some(parameters)) = (view_uniforms.uniforms.buffer(), ours.parameters.binding()) else {
+        return;
+    };
+    let (Some(deferred), Some(apply)) = (prepass.deferred_view(), cache.get_render_pipeline(p.apply)) else { return };
+    let inputs = Inputs {
+        view: BindingResource::Buffer(BufferBinding {
+            buffer: view_buffer,
+            offset: offset.offset.into(),
+            size: Some(ViewUniform::min_size()),
+        }),
+        parameters,
+        deferred,
+        header: &vpl.header,
+        textures,
+        ours,
+    };
+    let groups = inputs.groups(&p, ctx.render_device(), &cache);
+    let sizes = Sizes::new(textures, ours);
+
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let span = diagnostics.time_span(ctx.command_encoder(), "bounce/ssbc");
+    for iteration in 0..gi.settings.ssbc.iterations {
+        iterate(ctx.command_encoder(), &cache, &p, &groups, &sizes, iteration == 0);
+    }
+    if let Some(blur) = &groups.blur {
+        p.blur.dispatch(ctx.command_encoder(), &cache, &[blur], sizes.residual);
+    }
+    let load = if gi.isolate == GiIsolate::Residual { LoadOp::Clear(LinearRgba::NONE.into()) } else { LoadOp::Load };
+    {
+        let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some("bounce_ssbc_apply"),
+            color_attachments: &[Some(RenderPassColorAttachment {
+                view: &textures.indirect,
+                depth_slice: None,
+                resolve_target: None,
+                ops: Operations { load, store: StoreOp::Store },
+            })],
+            ..default()
+        });
+        pass.set_render_pipeline(apply);
+        pass.set_bind_group(0, &groups.apply, &[]);
+        pass.draw(0..3, 0..1);
+    }
+    span.end(ctx.command_encoder());
+}

@@ -1,0 +1,104 @@
+//! Kernels of the bias compensation and their bindings.
+
+use bevy::core_pipeline::FullscreenShader;
+use bevy::prelude::*;
+use bevy::render::render_resource::binding_types::{
+    storage_buffer_read_only_sized, texture_2d, texture_storage_2d, uniform_buffer_sized,
+};
+use bevy::render::render_resource::{
+    BindGroupLayoutDescriptor, BlendComponent, BlendFactor, BlendOperation, BlendState, CachedRenderPipelineId,
+    ColorTargetState, ColorWrites, FragmentState, PipelineCache, RenderPipelineDescriptor, ShaderStages,
+    StorageTextureAccess, TextureFormat, TextureSampleType,
+};
+
+use crate::compute::{GiShaders, Kernel, KernelDescriptor};
+
+/// Kernels in the order they run.
+#[derive(Resource)]
+pub(super) struct SsbcPipelines {
+    /// Without a residual, then with one.
+    pub radiance: [Kernel; 2],
+    /// From the pixels, then from the level in the middle.
+    pub reduce: [Kernel; 2],
+    pub gather: Kernel,
+    pub blur: Kernel,
+    /// Adds the residual to its target.
+    pub apply: CachedRenderPipelineId,
+    /// Group 0 of `apply`.
+    pub apply_layout: BindGroupLayoutDescriptor,
+}
+
+impl SsbcPipelines {
+    /// Whether all are compiled.
+    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
+        let kernels = self.radiance.iter().chain(&self.reduce).chain([&self.gather, &self.blur]);
+        kernels.into_iter().all(|kernel| kernel.is_ready(cache)) && cache.get_render_pipeline(self.apply).is_some()
+    }
+}
+
+pub(super) fn init_pipelines(
+    mut commands: Commands,
+    cache: Res<PipelineCache>,
+    shaders: Res<GiShaders>,
+    fullscreen: Res<FullscreenShader>,
+) {
+    let uniform = uniform_buffer_sized(false, None);
+    let header = storage_buffer_read_only_sized(false, None);
+    let words = texture_2d(TextureSampleType::Uint);
+    let light = texture_2d(TextureSampleType::Float { filterable: false });
+    let write = |format| texture_storage_2d(format, StorageTextureAccess::WriteOnly);
+    let (node, residual) = (write(TextureFormat::Rgba32Uint), write(TextureFormat::R32Uint));
+    let kernel = |path, entry, bindings: &[_], defs: &[&str]| {
+        let defs = defs.iter().map(|def| (*def).into()).collect();
+        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs })
+    };
+    // View, parameters, surface, residual; G-buffer, direct diffuse, bounced light; radiance.
+    let radiance = [uniform, uniform, words, words, words, light, light, write(TextureFormat::Rgba16Float)];
+    // View, parameters, surface, level below; three levels.
+    let reduce = |below| [uniform, uniform, words, below, node, node, node];
+    // View, parameters, surface, residual; header, radiance, levels.
+    let gather = [uniform, uniform, words, residual, header, light, words];
+    let apply = [uniform, uniform, words, words, header, light, words];
+    // View, parameters, surface, residual; blurred.
+    let blur = [uniform, uniform, words, words, residual];
+
+    let entries: Vec<_> = (0u32..).zip(apply).map(|(i, binding)| binding.build(i, ShaderStages::FRAGMENT)).collect();
+    let apply_layout = BindGroupLayoutDescriptor::new("bounce_ssbc_apply", &entries);
+    let apply = cache.queue_render_pipeline(RenderPipelineDescriptor {
+        label: Some("bounce_ssbc_apply".into()),
+        layout: vec![apply_layout.clone()],
+        vertex: fullscreen.to_vertex_state(),
+        fragment: Some(FragmentState {
+            shader: shaders.get("ssbc/apply.wgsl"),
+            entry_point: Some("apply".into()),
+            targets: vec![Some(ColorTargetState {
+                format: TextureFormat::Rgba16Float,
+                blend: Some(added()),
+                write_mask: ColorWrites::ALL,
+            })],
+            ..default()
+        }),
+        ..default()
+    });
+    commands.insert_resource(SsbcPipelines {
+        radiance: [
+            kernel("ssbc/radiance.wgsl", "radiance", &radiance, &[]),
+            kernel("ssbc/radiance.wgsl", "radiance", &radiance, &["COMPENSATED"]),
+        ],
+        reduce: [
+            kernel("ssbc/reduce.wgsl", "reduce", &reduce(light), &["FROM_PIXELS"]),
+            kernel("ssbc/reduce.wgsl", "reduce", &reduce(words), &[]),
+        ],
+        gather: kernel("ssbc/gather.wgsl", "gather", &gather, &[]),
+        blur: kernel("ssbc/blur.wgsl", "blur", &blur, &[]),
+        apply,
+        apply_layout,
+    });
+}
+
+/// Light on top of what is there.
+fn added() -> BlendState {
+    let sum =
+        BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
+    BlendState { color: sum, alpha: sum }
+}

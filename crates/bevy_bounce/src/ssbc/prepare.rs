@@ -1,0 +1,141 @@
+//! Textures and parameters of a view's bias compensation.
+
+use bevy::prelude::*;
+use bevy::render::render_resource::{
+    Extent3d, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
+    TextureViewDescriptor, UniformBuffer,
+};
+use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy_bounce_shaders::types::{SSBC_LEVELS, SsbcParameters};
+
+use super::{SsbcResolution, SsbcSettings};
+use crate::view::{GiView, ViewTextures};
+
+/// Bytes of a texel of the hierarchy.
+const NODE_BYTES: u64 = 16;
+/// Bytes of a texel of the residual.
+const RESIDUAL_BYTES: u64 = 4;
+
+/// What a view with bias compensation holds; kept from frame to frame, made anew when size or settings change.
+#[derive(Component)]
+pub(crate) struct SsbcTextures {
+    key: (UVec2, SsbcSettings),
+    /// How it integrates.
+    pub parameters: UniformBuffer<SsbcParameters>,
+    /// All levels above the pixels.
+    pub hierarchy: TextureView,
+    /// Each of them.
+    pub levels: Vec<TextureView>,
+    /// What is added to the bounced light.
+    pub residual: TextureView,
+    /// The same, blurred.
+    pub blurred: Option<TextureView>,
+    /// Size of the residual.
+    pub residual_size: UVec2,
+}
+
+impl SsbcTextures {
+    fn new(device: &RenderDevice, queue: &RenderQueue, size: UVec2, settings: SsbcSettings) -> Self {
+        let scale = match settings.resolution {
+            SsbcResolution::Full => 1,
+            SsbcResolution::Half => 2,
+        };
+        let residual_size = size.map(|pixels| pixels.div_ceil(scale));
+        let hierarchy =
+            texture(device, "bounce_ssbc_hierarchy", hierarchy_size(size), SSBC_LEVELS, TextureFormat::Rgba32Uint);
+        let residual = |label| whole(&texture(device, label, residual_size, 1, TextureFormat::R32Uint));
+        let level = |level| {
+            hierarchy.create_view(&TextureViewDescriptor {
+                base_mip_level: level,
+                mip_level_count: Some(1),
+                ..default()
+            })
+        };
+        let mut parameters = UniformBuffer::from(SsbcParameters {
+            solid_angle: settings.solid_angle,
+            edge_solid_angle: settings.edge_solid_angle,
+            scale,
+            padding: 0,
+        });
+        parameters.write_buffer(device, queue);
+        Self {
+            key: (size, settings),
+            parameters,
+            hierarchy: whole(&hierarchy),
+            levels: (0..SSBC_LEVELS).map(level).collect(),
+            residual: residual("bounce_ssbc_residual"),
+            blurred: settings.blur.then(|| residual("bounce_ssbc_blurred")),
+            residual_size,
+        }
+    }
+
+    /// Texels of a mip level of the hierarchy.
+    pub fn level_size(&self, level: u32) -> UVec2 {
+        hierarchy_size(self.key.0) >> level
+    }
+
+    /// Names and sizes of what is held on the GPU, bytes.
+    pub fn bytes(&self) -> [(&'static str, u64); 2] {
+        let texels = |size: UVec2| u64::from(size.x) * u64::from(size.y);
+        let hierarchy: u64 = (0..SSBC_LEVELS).map(|level| texels(self.level_size(level)) * NODE_BYTES).sum();
+        let residuals = 1 + u64::from(self.blurred.is_some());
+        [("ssbc: hierarchy", hierarchy), ("ssbc: residual", texels(self.residual_size) * RESIDUAL_BYTES * residuals)]
+    }
+}
+
+/// Texels of the first level above the pixels, such that the last one has whole ones, too.
+fn hierarchy_size(size: UVec2) -> UVec2 {
+    size.map(|pixels| pixels.next_multiple_of(1 << SSBC_LEVELS) / 2)
+}
+
+fn texture(device: &RenderDevice, label: &str, size: UVec2, mips: u32, format: TextureFormat) -> Texture {
+    device.create_texture(&TextureDescriptor {
+        label: Some(label),
+        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        mip_level_count: mips,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format,
+        usage: TextureUsages::STORAGE_BINDING | TextureUsages::TEXTURE_BINDING,
+        view_formats: &[],
+    })
+}
+
+fn whole(texture: &Texture) -> TextureView {
+    texture.create_view(&TextureViewDescriptor::default())
+}
+
+/// Gives every view that asks for compensation its textures, and takes them from those that no longer do.
+pub(super) fn prepare_textures(
+    mut commands: Commands,
+    device: Res<RenderDevice>,
+    queue: Res<RenderQueue>,
+    views: Query<
+        (Entity, Option<&GiView>, Option<&ViewTextures>, Option<&SsbcTextures>),
+        Or<(With<GiView>, With<SsbcTextures>)>,
+    >,
+) {
+    for (entity, view, textures, ours) in &views {
+        let asked = view.map(|view| view.settings.ssbc).filter(|settings| settings.iterations > 0);
+        // The number of iterations changes nothing here.
+        let key = textures.zip(asked).map(|(textures, asked)| (textures.size, SsbcSettings { iterations: 1, ..asked }));
+        if key == ours.map(|ours| ours.key) {
+            continue;
+        }
+        match key {
+            Some((size, settings)) => {
+                commands.entity(entity).insert(SsbcTextures::new(&device, &queue, size, settings));
+            }
+            None => {
+                commands.entity(entity).remove::<SsbcTextures>();
+            }
+        }
+    }
+}
+
+/// A new device knows nothing of the last one's textures.
+pub(super) fn forget_textures(mut commands: Commands, views: Query<Entity, With<SsbcTextures>>) {
+    for entity in &views {
+        commands.entity(entity).remove::<SsbcTextures>();
+    }
+}

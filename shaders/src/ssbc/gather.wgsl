@@ -1,0 +1,34 @@
+// The residual at each pixel, or at every second one of every second row. Cost: see `integrate.wgsl`.
+
+#import bevy_pbr::rgb9e5::vec3_to_rgb9e5_
+#import bevy_bounce::interleaved::surface::unpack_surface
+#import bevy_bounce::ssbc::common::{view, parameters, surface_texture}
+#import bevy_bounce::ssbc::integrate::residual_light
+
+@group(0) @binding(3) var output: texture_storage_2d<r32uint, write>;
+
+const GROUP: u32 = 8u;
+
+// Threads in Morton order: those that run in step descend into the same texels.
+fn place_in_group(lane: u32) -> vec2<u32> {
+    return vec2<u32>(
+        (lane & 1u) | ((lane >> 1u) & 2u) | ((lane >> 2u) & 4u),
+        ((lane >> 1u) & 1u) | ((lane >> 2u) & 2u) | ((lane >> 3u) & 4u),
+    );
+}
+
+@compute @workgroup_size(64)
+fn gather(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let texel = group.xy * GROUP + place_in_group(lane);
+    if any(texel >= textureDimensions(output)) {
+        return;
+    }
+    let pixel = texel * parameters.scale;
+    let size = textureDimensions(surface_texture);
+    let surface = unpack_surface(textureLoad(surface_texture, pixel, 0).xy, pixel, size, view);
+    var light = 0u;
+    if surface.valid {
+        light = vec3_to_rgb9e5_(residual_light(surface, pixel));
+    }
+    textureStore(output, texel, vec4<u32>(light, 0u, 0u, 0u));
+}

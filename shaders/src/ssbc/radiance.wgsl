@@ -1,0 +1,60 @@
+// What each pixel sends to its surroundings: diffuse direct light, bounced light as far as it is known, emission. Specular
+// light and fog are not in it. Alpha: area of the pixel's surface over that of the pixel seen head-on.
+//
+// Surfaces seen at more than 80 degrees are sampled too sparsely to stand for their area: it decays with the square of the
+// cosine. Novak et al. 2011, 4.3.
+//
+// Cost: one thread a pixel, five loads.
+
+#import bevy_bounce::interleaved::surface::{Surface, unpack_surface}
+#import bevy_bounce::ssbc::common::{view, parameters, surface_texture}
+#import bevy_bounce::ssbc::hierarchy::HALF_MAX
+#import bevy_pbr::pbr_deferred_types::unpack_unorm4x8_
+#import bevy_pbr::rgb9e5::rgb9e5_to_vec3_
+#ifdef COMPENSATED
+#import bevy_bounce::ssbc::upsample::upsample
+#endif
+
+@group(0) @binding(4) var deferred_texture: texture_2d<u32>;
+@group(0) @binding(5) var direct_diffuse: texture_2d<f32>;
+@group(0) @binding(6) var indirect: texture_2d<f32>;
+@group(0) @binding(7) var output: texture_storage_2d<rgba16float, write>;
+
+/// Cosine of 80 degrees.
+const GRAZING: f32 = 0.173648178;
+
+// Area over that of the pixel seen head-on, decayed.
+fn area_ratio(surface: Surface) -> f32 {
+    let forward = -view.world_from_view[2].xyz;
+    var direction = forward;
+    if view.clip_from_view[3].w != 1.0 {
+        direction = normalize(surface.position - view.world_position);
+    }
+    let cosine = max(-dot(surface.normal, direction), 0.0);
+    let decay = min(cosine / GRAZING, 1.0);
+    return dot(forward, direction) * decay * decay / max(cosine, 1e-6);
+}
+
+@compute @workgroup_size(8, 8)
+fn radiance(@builtin(global_invocation_id) id: vec3<u32>) {
+    let size = textureDimensions(surface_texture);
+    if any(id.xy >= size) {
+        return;
+    }
+    let surface = unpack_surface(textureLoad(surface_texture, id.xy, 0).xy, id.xy, size, view);
+    if !surface.valid {
+        textureStore(output, id.xy, vec4<f32>(0.0));
+        return;
+    }
+    // As Bevy unpacks them in bevy_pbr/src/deferred/pbr_deferred_functions.wgsl.
+    let packed = textureLoad(deferred_texture, id.xy + vec2<u32>(view.main_pass_viewport.xy), 0);
+    let base_color = pow(unpack_unorm4x8_(packed.r).rgb, vec3<f32>(2.2));
+    let properties = unpack_unorm4x8_(packed.b);
+    let reflected = base_color * ((1.0 - properties.g) * properties.b);
+    var irradiance = textureLoad(indirect, id.xy, 0).rgb;
+#ifdef COMPENSATED
+    irradiance += upsample(surface, id.xy).rgb;
+#endif
+    let light = rgb9e5_to_vec3_(packed.g) + textureLoad(direct_diffuse, id.xy, 0).rgb + irradiance * reflected;
+    textureStore(output, id.xy, vec4<f32>(min(light, vec3<f32>(HALF_MAX)), area_ratio(surface)));
+}

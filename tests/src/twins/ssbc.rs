@@ -1,0 +1,358 @@
+//! Twin of the bias compensation: `ssbc/hierarchy.wgsl`, `ssbc/reduce.wgsl` and `ssbc/integrate.wgsl`, which count the texels
+//! that they look at here, and the flat sum over all pixels near that they stand for.
+
+use std::f32::consts::PI;
+
+use bevy::math::{IVec2, Mat4, UVec2, Vec2, Vec3, Vec4, Vec4Swizzles};
+use bevy_bounce_shaders::types::{SSBC_LEVELS, SsbcParameters};
+use half::f16;
+
+use super::decode_unit;
+
+const NORMAL_EDGE: f32 = 0.95;
+const PLANE_EDGE: f32 = 0.25;
+const FLAT: f32 = 0.002;
+const HALF_DIAGONAL: f32 = std::f32::consts::FRAC_1_SQRT_2;
+
+/// World positions as a function of pixel coordinates and depth.
+#[derive(Clone, Copy, Debug)]
+pub struct Lens {
+    origin: Vec4,
+    x: Vec4,
+    y: Vec4,
+    depth: Vec4,
+    pixel: f32,
+}
+
+impl Lens {
+    /// Of a view of that size.
+    pub fn new(world_from_clip: Mat4, size: UVec2) -> Self {
+        let m = world_from_clip;
+        let step = 2.0 / size.as_vec2();
+        let y = -m.y_axis * step.y;
+        Self {
+            origin: m.w_axis - m.x_axis + m.y_axis,
+            x: m.x_axis * step.x,
+            y,
+            depth: m.z_axis,
+            pixel: y.xyz().length(),
+        }
+    }
+
+    /// Position, and the edge of a pixel there.
+    pub fn position(&self, pixel: Vec2, depth: f32) -> (Vec3, f32) {
+        let p = self.origin + self.x * pixel.x + self.y * pixel.y + self.depth * depth;
+        (p.xyz() / p.w, self.pixel / p.w.abs())
+    }
+
+    fn texel(&self, texel: IVec2, level: u32, depth: f32) -> (Vec3, f32) {
+        let scale = (1 << level) as f32;
+        let (position, edge) = self.position((texel.as_vec2() + 0.5) * scale, depth);
+        (position, edge * scale)
+    }
+
+    fn across(&self, normal: Vec3) -> f32 {
+        0.5 * (normal.dot(self.x.xyz()).abs() + normal.dot(self.y.xyz()).abs())
+    }
+}
+
+/// What the camera sees.
+#[derive(Clone, Debug)]
+pub struct GBuffer {
+    /// Pixels.
+    pub size: UVec2,
+    /// Where they lie.
+    pub lens: Lens,
+    /// Bits of the reverse-z depth and octahedral normal, pixel by pixel.
+    pub surface: Vec<[u32; 2]>,
+    /// What each pixel sends, and its area over that of the pixel seen head-on.
+    pub radiance: Vec<Vec4>,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Node {
+    depth: f32,
+    near: f32,
+    far: f32,
+    area: f32,
+    normal: Vec3,
+    edge: bool,
+    radiance: Vec3,
+}
+
+/// Levels above the pixels, the first of 2x2. Nothing is packed here.
+pub struct Hierarchy {
+    levels: Vec<(IVec2, Vec<Node>)>,
+}
+
+/// Irradiance over pi, and what it took.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Gathered {
+    /// The light.
+    pub light: Vec3,
+    /// Pixels and texels looked at.
+    pub samples: u32,
+}
+
+impl GBuffer {
+    fn index(&self, pixel: UVec2) -> usize {
+        (pixel.y * self.size.x + pixel.x) as usize
+    }
+
+    fn contains(&self, texel: IVec2, level: u32) -> bool {
+        ((texel << IVec2::splat(level as i32)).cmplt(self.size.as_ivec2())).all()
+    }
+
+    /// Position and normal at a pixel, and the edge of the pixel; `None` where nothing is seen.
+    pub fn surface_at(&self, pixel: UVec2) -> Option<(Vec3, Vec3, f32)> {
+        let [depth, normal] = self.surface[self.index(pixel)];
+        let (position, edge) = self.lens.position(pixel.as_vec2() + 0.5, f32::from_bits(depth));
+        (depth != 0).then(|| (position, decode_unit(normal), edge))
+    }
+
+    fn node(&self, texel: IVec2) -> Node {
+        if !self.contains(texel, 0) {
+            return Node::default();
+        }
+        let pixel = texel.as_uvec2();
+        let Some((_, normal, edge)) = self.surface_at(pixel) else { return Node::default() };
+        let depth = f32::from_bits(self.surface[self.index(pixel)][0]);
+        let light = self.radiance[self.index(pixel)];
+        let area = light.w.max(1e-4) * edge * edge;
+        Node { depth, near: depth, far: depth, area, normal, edge: false, radiance: light.xyz() }
+    }
+}
+
+impl Hierarchy {
+    /// All levels.
+    pub fn new(gbuffer: &GBuffer) -> Self {
+        let mut levels = Vec::<(IVec2, Vec<Node>)>::new();
+        let padded = gbuffer.size.map(|pixels| pixels.next_multiple_of(1 << SSBC_LEVELS));
+        for level in 1..=SSBC_LEVELS {
+            let size = (padded >> UVec2::splat(level)).as_ivec2();
+            let below = |texel: IVec2| match levels.last() {
+                Some((size, nodes)) => nodes[(texel.y * size.x + texel.x) as usize],
+                None => gbuffer.node(texel),
+            };
+            let texels = (0..size.y).flat_map(|y| (0..size.x).map(move |x| IVec2::new(x, y)));
+            let nodes = texels.map(|texel| merge(gbuffer, [0, 1, 2, 3].map(|i| below(child(texel, i))), texel, level));
+            let nodes = nodes.collect();
+            levels.push((size, nodes));
+        }
+        Self { levels }
+    }
+
+    fn node(&self, texel: IVec2, level: u32) -> Node {
+        let (size, nodes) = &self.levels[level as usize - 1];
+        nodes[(texel.y * size.x + texel.x) as usize]
+    }
+}
+
+fn child(texel: IVec2, i: i32) -> IVec2 {
+    2 * texel + IVec2::new(i & 1, i >> 1)
+}
+
+fn merge(gbuffer: &GBuffer, below: [Node; 4], texel: IVec2, level: u32) -> Node {
+    let mut node = Node { far: 1e30, ..Default::default() };
+    let mut seen = 0.0;
+    for below in below.iter().filter(|below| below.area > 0.0) {
+        seen += 1.0;
+        node.depth += below.depth;
+        node.near = node.near.max(below.near);
+        node.far = node.far.min(below.far);
+        node.area += below.area;
+        node.normal += below.normal * below.area;
+        node.radiance += below.radiance * below.area;
+        node.edge |= below.edge;
+    }
+    if seen == 0.0 {
+        return node;
+    }
+    node.depth /= seen;
+    node.radiance /= node.area;
+    node.normal = node.normal.try_normalize().unwrap_or(Vec3::Y);
+    let (position, edge) = gbuffer.lens.texel(texel, level, node.depth);
+    for (i, below) in (0..).zip(below) {
+        let child = child(texel, i);
+        if below.area > 0.0 {
+            let offset = gbuffer.lens.texel(child, level - 1, below.depth).0 - position;
+            node.edge |=
+                node.normal.dot(offset).abs() > PLANE_EDGE * edge || node.normal.dot(below.normal) < NORMAL_EDGE;
+        } else {
+            node.edge |= gbuffer.contains(child, level - 1);
+        }
+    }
+    node
+}
+
+/// Who is lit, by what, as exactly as what.
+struct Integral<'a> {
+    gbuffer: &'a GBuffer,
+    hierarchy: &'a Hierarchy,
+    parameters: SsbcParameters,
+    bound: f32,
+    position: Vec3,
+    normal: Vec3,
+}
+
+enum Visit {
+    Light(Vec3),
+    Refine,
+}
+
+const NOTHING: Visit = Visit::Light(Vec3::ZERO);
+
+fn residual_term(height: f32, other_height: f32, square: f32, area: f32, bound: f32) -> f32 {
+    (height * other_height / square / (square + area / PI) - bound).max(0.0)
+}
+
+fn radius_ratio(area_ratio: f32) -> f32 {
+    0.5 * (1.0 + area_ratio * area_ratio).sqrt()
+}
+
+/// Light of one pixel.
+fn pixel_light(gbuffer: &GBuffer, position: Vec3, normal: Vec3, pixel: UVec2, bound: f32) -> Vec3 {
+    let Some((other, other_normal, edge)) = gbuffer.surface_at(pixel) else { return Vec3::ZERO };
+    let offset = other - position;
+    let square = offset.length_squared();
+    let (height, other_height) = (normal.dot(offset), -other_normal.dot(offset));
+    if height <= 0.0 || other_height <= 0.0 {
+        return Vec3::ZERO;
+    }
+    let radiance = gbuffer.radiance[gbuffer.index(pixel)];
+    let area = radiance.w * edge * edge;
+    radiance.xyz() * (area * residual_term(height, other_height, square, area, bound))
+}
+
+impl Integral<'_> {
+    fn visit_plane(&self, node: &Node, texel: IVec2, level: u32) -> Visit {
+        let (position, edge) = self.gbuffer.lens.texel(texel, level, node.depth);
+        let radius = radius_ratio(node.area / (edge * edge)) * edge;
+        let offset = position - self.position;
+        let square = offset.length_squared().max(1e-20);
+        let distance = square.sqrt();
+        let flat = FLAT * (distance + radius);
+        let other_height = -node.normal.dot(offset);
+        let middle = self.normal.dot(offset);
+        let cosine = self.normal.dot(node.normal);
+        let height = middle + radius * (1.0 - cosine * cosine).max(0.0).sqrt();
+        let nearest = (distance - radius).max(other_height);
+        if other_height <= flat || height <= flat || height * other_height <= self.bound * nearest.powi(4) {
+            return NOTHING;
+        }
+        let between = (distance - 0.5 * radius).max(other_height).powi(2);
+        if node.area * height * other_height / (between * (between + node.area / PI)) > self.parameters.solid_angle {
+            return Visit::Refine;
+        }
+        let weight = node.area * residual_term(middle.max(0.0), other_height, square, node.area, self.bound);
+        Visit::Light(node.radiance * weight)
+    }
+
+    fn visit_edge(&self, node: &Node, texel: IVec2, level: u32) -> Visit {
+        let lens = &self.gbuffer.lens;
+        let [near, far] = [node.near, node.far].map(|depth| lens.texel(texel, level, depth));
+        let (to_near, to_far) = (near.0 - self.position, far.0 - self.position);
+        let along = to_far - to_near;
+        let share = (-to_near.dot(along) / along.length_squared().max(1e-20)).clamp(0.0, 1.0);
+        let distance = (to_near + along * share).length();
+        let nearest = (distance - HALF_DIAGONAL * near.1.max(far.1)).max(0.0);
+        let slope = lens.across(self.normal) / lens.pixel;
+        let height = (self.normal.dot(to_near) + slope * near.1).max(self.normal.dot(to_far) + slope * far.1);
+        if height <= FLAT * far.1 || height <= self.bound * nearest.powi(3) {
+            return NOTHING;
+        }
+        if node.area / (distance * distance + node.area / PI) > self.parameters.edge_solid_angle {
+            return Visit::Refine;
+        }
+        let offset = lens.texel(texel, level, 0.5 * (node.near + node.far)).0 - self.position;
+        let other_height = (-node.normal.dot(offset)).max(0.0);
+        let square = offset.length_squared().max(1e-20);
+        let height = self.normal.dot(offset).max(0.0);
+        Visit::Light(node.radiance * (node.area * residual_term(height, other_height, square, node.area, self.bound)))
+    }
+
+    fn visit(&self, texel: IVec2, level: u32) -> Visit {
+        if level == 0 {
+            if !self.gbuffer.contains(texel, 0) {
+                return NOTHING;
+            }
+            let pixel = texel.as_uvec2();
+            return Visit::Light(pixel_light(self.gbuffer, self.position, self.normal, pixel, self.bound));
+        }
+        let node = self.hierarchy.node(texel, level);
+        match (node.area > 0.0, node.edge) {
+            (false, _) => NOTHING,
+            (true, false) => self.visit_plane(&node, texel, level),
+            (true, true) => self.visit_edge(&node, texel, level),
+        }
+    }
+}
+
+fn is_within(texel: IVec2, level: u32, pixel: UVec2, radius: f32) -> bool {
+    let half_edge = 0.5 * (1 << level) as f32;
+    let middle = (texel.as_vec2() * 2.0 + 1.0) * half_edge;
+    let away = ((middle - pixel.as_vec2() - 0.5).abs() - half_edge).max(Vec2::ZERO);
+    away.length_squared() < radius * radius
+}
+
+/// The residual at a pixel, through the hierarchy; nothing where nothing is seen.
+pub fn gather(
+    gbuffer: &GBuffer,
+    hierarchy: &Hierarchy,
+    parameters: SsbcParameters,
+    bound: f32,
+    pixel: UVec2,
+) -> Gathered {
+    let mut gathered = Gathered::default();
+    let Some((position, normal, footprint)) = gbuffer.surface_at(pixel) else { return gathered };
+    let integral = Integral { gbuffer, hierarchy, parameters, bound, position, normal };
+    let radius = 1.0 / bound.sqrt() / footprint;
+    let top = (radius + 0.5).log2().ceil().clamp(0.0, SSBC_LEVELS as f32) as u32;
+    let shift = IVec2::splat(top as i32);
+    let low = (pixel.as_vec2() - radius).max(Vec2::ZERO).as_ivec2() >> shift;
+    let high = (pixel.as_vec2() + radius).min(gbuffer.size.as_vec2() - 1.0).as_ivec2() >> shift;
+    let mut waiting: Vec<(IVec2, u32)> =
+        (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| (IVec2::new(x, y), top))).collect();
+    while let Some((texel, level)) = waiting.pop() {
+        if !is_within(texel, level, pixel, radius) {
+            continue;
+        }
+        gathered.samples += 1;
+        match integral.visit(texel, level) {
+            Visit::Light(light) => gathered.light += light,
+            Visit::Refine => waiting.extend([0, 1, 2, 3].map(|i| (child(texel, i), level - 1))),
+        }
+    }
+    gathered.light /= PI;
+    gathered
+}
+
+/// The residual at a pixel as a sum over all pixels within the radius.
+pub fn flat_sum(gbuffer: &GBuffer, bound: f32, pixel: UVec2) -> Gathered {
+    let mut gathered = Gathered::default();
+    let Some((position, normal, footprint)) = gbuffer.surface_at(pixel) else { return gathered };
+    let radius = 1.0 / bound.sqrt() / footprint;
+    let low = (pixel.as_vec2() - radius).max(Vec2::ZERO).as_uvec2();
+    let high = (pixel.as_vec2() + radius).ceil().as_uvec2().min(gbuffer.size - 1);
+    for y in low.y..=high.y {
+        for x in low.x..=high.x {
+            if is_within(IVec2::new(x as i32, y as i32), 0, pixel, radius) {
+                gathered.samples += 1;
+                gathered.light += pixel_light(gbuffer, position, normal, UVec2::new(x, y), bound);
+            }
+        }
+    }
+    gathered.light /= PI;
+    gathered
+}
+
+/// Twin of Bevy's rgb9e5.
+pub fn rgb9e5_to_vec3(word: u32) -> Vec3 {
+    let scale = ((word >> 27) as f32 - 24.0).exp2();
+    Vec3::new((word & 511) as f32, (word >> 9 & 511) as f32, (word >> 18 & 511) as f32) * scale
+}
+
+/// Half floats, four a pixel, as the radiance texture holds them.
+pub fn half_texels(radiance: &[Vec4]) -> Vec<u8> {
+    radiance.iter().flat_map(|texel| texel.to_array()).flat_map(|c| f16::from_f32(c).to_le_bytes()).collect()
+}

@@ -1,0 +1,419 @@
+//! Bias compensation: the shaders against their twin, the flat sum and closed forms; whole frames with and without it.
+
+use std::f32::consts::{FRAC_PI_2, PI};
+
+use bevy::camera::Exposure;
+use bevy::math::{Mat4, UVec2, Vec3, Vec4};
+use bevy::prelude::*;
+use bevy_bounce::{GiIsolate, GiSettings, SsbcResolution, SsbcSettings, VplVisibility};
+use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
+use bevy_bounce_examples::scenes::{Builder, CornellPlugin, Walls};
+use bevy_bounce_shaders::types::{SSBC_LEVELS, SsbcParameters, VplHeader};
+use bevy_bounce_tests::compose::compose;
+use bevy_bounce_tests::gpu::{Resources, gpu};
+use bevy_bounce_tests::layout::wgsl_layouts;
+use bevy_bounce_tests::metrics::Metrics;
+use bevy_bounce_tests::picture::Picture;
+use bevy_bounce_tests::references::shared_file;
+use bevy_bounce_tests::scene::{run, run_with};
+use bevy_bounce_tests::stage::{self, Stage, illumination};
+use bevy_bounce_tests::twins::ssbc::{
+    GBuffer, Gathered, Hierarchy, Lens, flat_sum, gather, half_texels, rgb9e5_to_vec3,
+};
+use bevy_bounce_tests::twins::{decode_unit, encode_unit};
+use wgpu::TextureFormat;
+
+const PARAMETERS: SsbcParameters = SsbcParameters { solid_angle: 0.08, edge_solid_angle: 0.04, scale: 1, padding: 0 };
+const NEAR: f32 = 0.1;
+
+/// A perspective view.
+struct Eye {
+    size: UVec2,
+    place: Transform,
+    clip_from_view: Mat4,
+}
+
+/// A parallelogram or a ball.
+enum Shape {
+    Panel([Vec3; 3]),
+    Ball(Vec3, f32),
+}
+
+impl Eye {
+    fn new(size: UVec2, at: Vec3, target: Vec3, fov: f32) -> Self {
+        let aspect = size.x as f32 / size.y as f32;
+        let place = Transform::from_translation(at).looking_at(target, Vec3::Y);
+        Self { size, place, clip_from_view: Mat4::perspective_infinite_reverse_rh(fov, aspect, NEAR) }
+    }
+
+    fn world_from_clip(&self) -> Mat4 {
+        self.place.to_matrix() * self.clip_from_view.inverse()
+    }
+
+    /// Bevy's view uniform, as far as the shaders read it.
+    fn uniform(&self) -> Vec<u8> {
+        let composed = compose("ssbc/gather.wgsl", &[]).unwrap_or_else(|error| panic!("{error}"));
+        let layout = wgsl_layouts(&composed).remove("View").expect("is bound");
+        let mut bytes = vec![0; layout.size as usize];
+        let mut put = |name: &str, floats: &[f32]| {
+            let (_, offset) = layout.members.iter().find(|(member, _)| member == name).expect("is a member");
+            let at = *offset as usize;
+            bytes[at..at + 4 * floats.len()].copy_from_slice(bytemuck::cast_slice(floats));
+        };
+        put("world_from_clip", &self.world_from_clip().to_cols_array());
+        put("world_from_view", &self.place.to_matrix().to_cols_array());
+        put("clip_from_view", &self.clip_from_view.to_cols_array());
+        put("world_position", &self.place.translation.to_array());
+        put("exposure", &[1.0]);
+        bytes
+    }
+
+    /// What it sees of the shapes, each of which sends that much.
+    fn look(&self, shapes: &[(Shape, Vec3)]) -> GBuffer {
+        let lens = Lens::new(self.world_from_clip(), self.size);
+        let clip_from_world = self.world_from_clip().inverse();
+        let (eye, forward) = (self.place.translation, *self.place.forward());
+        let (mut surface, mut radiance) = (Vec::new(), Vec::new());
+        for pixel in (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| UVec2::new(x, y))) {
+            let direction = (lens.position(pixel.as_vec2() + 0.5, 0.5).0 - eye).normalize();
+            let hits = shapes.iter().filter_map(|(shape, light)| Some((shape.hit(eye, direction)?, light)));
+            let Some(((distance, normal), light)) = hits.min_by(|a, b| a.0.0.total_cmp(&b.0.0)) else {
+                surface.push([0; 2]);
+                radiance.push(Vec4::ZERO);
+                continue;
+            };
+            let clip = clip_from_world * (eye + direction * distance).extend(1.0);
+            let normal = encode_unit(normal);
+            surface.push([(clip.z / clip.w).to_bits(), normal]);
+            radiance.push(light.extend(area_ratio(forward, direction, decode_unit(normal))));
+        }
+        GBuffer { size: self.size, lens, surface, radiance }
+    }
+}
+
+/// Twin of `area_ratio` in `ssbc/radiance.wgsl`.
+fn area_ratio(forward: Vec3, direction: Vec3, normal: Vec3) -> f32 {
+    let cosine = (-normal.dot(direction)).max(0.0);
+    let decay = (cosine / 10f32.to_radians().sin()).min(1.0);
+    forward.dot(direction) * decay * decay / cosine.max(1e-6)
+}
+
+impl Shape {
+    /// Distance and normal where a ray meets it from outside.
+    fn hit(&self, origin: Vec3, direction: Vec3) -> Option<(f32, Vec3)> {
+        match self {
+            Shape::Panel([corner, u, v]) => {
+                let normal = u.cross(*v).normalize();
+                let along = normal.dot(direction);
+                let distance = normal.dot(*corner - origin) / along;
+                let at = origin + direction * distance - *corner;
+                let inside = |edge: &Vec3| (0.0..=1.0).contains(&(at.dot(*edge) / edge.length_squared()));
+                (along < 0.0 && distance > NEAR && inside(u) && inside(v)).then_some((distance, normal))
+            }
+            Shape::Ball(center, radius) => {
+                let from = origin - *center;
+                let b = from.dot(direction);
+                let discriminant = b * b - from.length_squared() + radius * radius;
+                let distance = -b - discriminant.max(0.0).sqrt();
+                let normal = (from + direction * distance) / *radius;
+                (discriminant > 0.0 && distance > NEAR).then_some((distance, normal))
+            }
+        }
+    }
+}
+
+fn panel(corner: [f32; 3], u: [f32; 3], v: [f32; 3]) -> Shape {
+    Shape::Panel([corner, u, v].map(Vec3::from))
+}
+
+/// A room with a ball and a block that touch floor and wall; 4 m a side.
+fn room() -> Vec<(Shape, Vec3)> {
+    let (white, red, blue) = (Vec3::new(1.0, 0.9, 0.8), Vec3::new(0.9, 0.2, 0.1), Vec3::new(0.1, 0.3, 0.8));
+    vec![
+        (panel([-2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0]), white),
+        (panel([-2.0, 4.0, -2.0], [4.0, 0.0, 0.0], [0.0, 0.0, 4.0]), white * 0.3),
+        (panel([-2.0, 0.0, -2.0], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0]), white * 0.5),
+        (panel([-2.0, 0.0, 2.0], [0.0, 0.0, -4.0], [0.0, 4.0, 0.0]), red),
+        (panel([2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [0.0, 4.0, 0.0]), blue),
+        (Shape::Ball(Vec3::new(0.7, 0.5, 0.3), 0.5), white * 0.7),
+        (panel([-1.6, 0.0, -0.6], [1.2, 0.0, 0.2], [0.0, 1.7, 0.0]), blue * 2.0),
+        (panel([-0.4, 0.0, -0.4], [0.2, 0.0, -1.2], [0.0, 1.7, 0.0]), red * 0.5),
+        (panel([-1.6, 1.7, -0.6], [1.2, 0.0, 0.2], [0.2, 0.0, -1.2]), white),
+    ]
+}
+
+fn room_eye(size: UVec2) -> Eye {
+    Eye::new(size, Vec3::new(0.0, 2.0, 8.4), Vec3::new(0.0, 2.0, 0.0), 0.65)
+}
+
+/// The residual at every pixel by the shipped shaders.
+fn shipped(eye: &Eye, gbuffer: &GBuffer, parameters: SsbcParameters, bound: f32) -> Vec<Vec3> {
+    let size = [eye.size.x, eye.size.y, 1];
+    let padded = eye.size.map(|pixels| pixels.next_multiple_of(1 << SSBC_LEVELS) / 2).to_array();
+    let header = VplHeader { geometry_bound: bound, count: 1, ..Default::default() };
+    let levels = ["level_1", "level_2", "level_3", "level_4", "level_5", "level_6"];
+    let surface = bytemuck::cast_slice(&gbuffer.surface);
+    let resources = Resources::new(gpu())
+        .bytes("view", &eye.uniform())
+        .uniform("parameters", &parameters)
+        .structs("header", &[header])
+        .texture("surface_texture", TextureFormat::Rg32Uint, size, false, surface)
+        .texture("radiance_texture", TextureFormat::Rgba16Float, size, false, &half_texels(&gbuffer.radiance))
+        .texture("output", TextureFormat::R32Uint, size, false, &[])
+        .mips("hierarchy", TextureFormat::Rgba32Uint, padded, &levels)
+        .alias("level_3", "source");
+    let groups = |texels: [u32; 2]| [texels[0].div_ceil(8), texels[1].div_ceil(8), 1];
+    let resources = resources.alias("level_1", "fine").alias("level_2", "middle").alias("level_3", "coarse");
+    run_with(gpu(), "ssbc/reduce.wgsl", "reduce", &["FROM_PIXELS"], &resources, groups(padded));
+    let resources = resources.alias("level_4", "fine").alias("level_5", "middle").alias("level_6", "coarse");
+    run(gpu(), "ssbc/reduce.wgsl", "reduce", &resources, groups(padded.map(|texels| texels >> 3)));
+    run(gpu(), "ssbc/gather.wgsl", "gather", &resources, groups([size[0], size[1]]));
+    let bytes = resources.read_texture("output").unwrap_or_else(|error| panic!("{error}"));
+    bytes.as_chunks().0.iter().map(|word| rgb9e5_to_vec3(u32::from_le_bytes(*word))).collect()
+}
+
+fn pixels(size: UVec2) -> impl Iterator<Item = UVec2> {
+    (0..size.y).flat_map(move |y| (0..size.x).map(move |x| UVec2::new(x, y)))
+}
+
+/// Sum over the pixels, and the root mean square of what they differ by, over the mean of `b`.
+fn difference(a: &[Vec3], b: &[Vec3]) -> (f32, f32) {
+    let sum = |values: &[Vec3]| values.iter().map(|light| light.element_sum()).sum::<f32>();
+    let squares: f32 = a.iter().zip(b).map(|(a, b)| (*a - *b).length_squared()).sum();
+    (sum(a) / sum(b), (squares / (3 * a.len()) as f32).sqrt() / (sum(b) / (3 * b.len()) as f32))
+}
+
+#[test]
+fn the_shipped_integration_equals_its_twin_and_the_flat_sum() {
+    let eye = room_eye(UVec2::new(320, 180));
+    let gbuffer = eye.look(&room());
+    let hierarchy = Hierarchy::new(&gbuffer);
+    for bound in [64.0, 16.0] {
+        let ours = shipped(&eye, &gbuffer, PARAMETERS, bound);
+        let twin: Vec<Gathered> =
+            pixels(eye.size).map(|pixel| gather(&gbuffer, &hierarchy, PARAMETERS, bound, pixel)).collect();
+        let flat: Vec<Gathered> = pixels(eye.size).map(|pixel| flat_sum(&gbuffer, bound, pixel)).collect();
+        let light = |gathered: &[Gathered]| gathered.iter().map(|g| g.light).collect::<Vec<_>>();
+        let samples = |gathered: &[Gathered]| {
+            let seen = gathered.iter().filter(|g| g.samples > 0);
+            seen.clone().map(|g| g.samples as f32).sum::<f32>() / seen.count() as f32
+        };
+        let (energy, error) = difference(&ours, &light(&twin));
+        println!("bound {bound}: shader over twin {energy:.4}, rms {error:.4}");
+        assert!((energy - 1.0).abs() < 0.005 && error < 0.05, "shader against twin: {energy}, {error}");
+        let (energy, error) = difference(&light(&twin), &light(&flat));
+        let (few, many) = (samples(&twin), samples(&flat));
+        println!(
+            "bound {bound}: hierarchical over flat {energy:.4}, rms {error:.4}; samples a pixel {few:.1}, {many:.1}"
+        );
+        assert!((energy - 1.0).abs() < 0.01 && error < 0.1, "hierarchical against flat: {energy}, {error}");
+        assert!(few * 5.0 < many, "{few} of {many} samples a pixel");
+    }
+}
+
+/// Irradiance over pi at a height over a plane of radiance 1 that meets the receiver's at a right angle: the integral of
+/// what the geometry term has above the bound, over a strip that holds all of it.
+fn perpendicular(height: f32, bound: f32) -> f32 {
+    let reach = 1.0 / bound.sqrt();
+    let steps = 400;
+    // Finer near the edge.
+    let at = |i: usize| reach * (i as f32 / steps as f32).powi(2);
+    let middle = |i: usize| 0.5 * (at(i) + at(i + 1));
+    let mut sum = 0.0;
+    for i in 0..steps {
+        for j in 0..steps {
+            let (up, along) = (middle(i), middle(j));
+            let square = height * height + up * up + along * along;
+            let term = (height * up / (square * square) - bound).max(0.0);
+            sum += 2.0 * term * (at(i + 1) - at(i)) * (at(j + 1) - at(j));
+        }
+    }
+    sum / PI
+}
+
+/// Floor and wall of radiance 1: the residual on the floor by its distance from the wall.
+#[test]
+fn two_squares_give_back_what_the_bound_takes() {
+    let floor = panel([-2.0, 0.0, 0.0], [0.0, 0.0, 2.0], [4.0, 0.0, 0.0]);
+    let wall = panel([-2.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
+    let eye = Eye::new(UVec2::new(256, 256), Vec3::new(0.0, 1.6, 1.6), Vec3::ZERO, 0.6);
+    let gbuffer = eye.look(&[(floor, Vec3::ONE), (wall, Vec3::ONE)]);
+    let bound = 30f32;
+    let reach = 0.58 / bound.sqrt();
+    let on_floor = |pixel: &UVec2| gbuffer.surface_at(*pixel).filter(|(_, normal, _)| normal.y > 0.9);
+    let floor: Vec<(UVec2, f32)> = pixels(eye.size)
+        .filter(|pixel| (120..136).contains(&pixel.x))
+        .filter_map(|pixel| on_floor(&pixel).map(|(position, ..)| (pixel, position.z)))
+        .collect();
+    let expected: f32 = floor.iter().filter(|(_, z)| *z < reach).map(|(_, z)| perpendicular(*z, bound)).sum();
+    let fine = SsbcParameters { solid_angle: 0.01, edge_solid_angle: 0.01, ..PARAMETERS };
+    for (parameters, tolerance) in [(PARAMETERS, 0.07), (fine, 0.03)] {
+        let residual = shipped(&eye, &gbuffer, parameters, bound);
+        let light = |pixel: UVec2| residual[(pixel.y * eye.size.x + pixel.x) as usize].x;
+        let ours: f32 = floor.iter().filter(|(_, z)| *z < reach).map(|(pixel, _)| light(*pixel)).sum();
+        println!("{} sr: residual {ours:.3}, integral {expected:.3}", parameters.solid_angle);
+        assert!(expected > 1.0 && (ours / expected - 1.0).abs() < tolerance, "{ours} against {expected}");
+        // A wall fills half of the hemisphere at most.
+        assert!(floor.iter().all(|(pixel, _)| light(*pixel) < 0.5), "the singularity is back");
+        // The geometry term of perpendicular surfaces is at most 0.325 / distance^2.
+        assert!(floor.iter().all(|(pixel, z)| *z < reach || light(*pixel) < 1e-3), "light where nothing is bounded");
+    }
+}
+
+/// What a pixel sends: emission, direct light, bounced light times diffuse colour and occlusion; its area.
+#[test]
+fn a_pixel_sends_all_but_specular_light() {
+    let eye = Eye::new(UVec2::new(4, 4), Vec3::new(0.0, 1.0, 0.0), Vec3::new(0.0, 0.0, -1.0), FRAC_PI_2);
+    let gbuffer = eye.look(&[(panel([-9.0, 0.0, -9.0], [0.0, 0.0, 18.0], [18.0, 0.0, 0.0]), Vec3::ONE)]);
+    // Base colour 0.5 (gamma 2.2), emission 2 (rgb9e5: 256 * 2^(17 - 24)), metallic 0.2, occlusion 0.6.
+    let base = u32::from((0.5f32.powf(1.0 / 2.2) * 255.0).round() as u8) * 0x010101;
+    let emission = (256 | 256 << 9 | 256 << 18) | 17 << 27;
+    let deferred = [base, emission, 51 << 8 | 153 << 16, 0].repeat(16);
+    let light = |value: f32| half_texels(&[Vec4::splat(value); 16]);
+    let residual = [(256 | 256 << 9 | 256 << 18) | 16u32 << 27; 16];
+    let mut uniform = eye.uniform();
+    uniform.resize(uniform.len().next_multiple_of(16), 0);
+    let resources = Resources::new(gpu())
+        .bytes("view", &uniform)
+        .uniform("parameters", &PARAMETERS)
+        .texture("surface_texture", TextureFormat::Rg32Uint, [4, 4, 1], false, bytemuck::cast_slice(&gbuffer.surface))
+        .texture("residual_texture", TextureFormat::R32Uint, [4, 4, 1], false, bytemuck::cast_slice(&residual))
+        .texture("deferred_texture", TextureFormat::Rgba32Uint, [4, 4, 1], false, bytemuck::cast_slice(&deferred))
+        .texture("direct_diffuse", TextureFormat::Rgba16Float, [4, 4, 1], false, &light(3.0))
+        .texture("indirect", TextureFormat::Rgba16Float, [4, 4, 1], false, &light(10.0))
+        .texture("output", TextureFormat::Rgba16Float, [4, 4, 1], false, &[]);
+    let reflected = 0.5 * 0.8 * 0.6;
+    for (defs, bounced) in [(&[] as &[&str], 10.0), (&["COMPENSATED"], 11.0)] {
+        run_with(gpu(), "ssbc/radiance.wgsl", "radiance", defs, &resources, [1, 1, 1]);
+        let texels = resources.read_texture("output").unwrap_or_else(|error| panic!("{error}"));
+        let halves: Vec<f32> = texels.as_chunks().0.iter().map(|c| half::f16::from_le_bytes(*c).to_f32()).collect();
+        for (texel, expected) in halves.chunks(4).zip(&gbuffer.radiance) {
+            let light = if expected.w > 0.0 { 2.0 + 3.0 + bounced * reflected } else { 0.0 };
+            assert!((texel[0] - light).abs() < 0.02, "{texel:?}, expected {light}");
+            assert!(
+                (texel[3] - expected.w).abs() < 0.01 * expected.w.max(1e-3),
+                "area {} not {}",
+                texel[3],
+                expected.w
+            );
+        }
+    }
+}
+
+const SMALL_SIZE: UVec2 = UVec2::new(96, 54);
+
+/// Few virtual lights are bounded much, so that there is much to give back.
+fn settings(ssbc: SsbcSettings) -> GiSettings {
+    GiSettings { grid: 64, vpls: 64, bounces: 12, visibility: VplVisibility::Voxel, tile: 32, bound: 1.0, ssbc }
+}
+
+fn isolated(stage: &mut Stage, isolate: GiIsolate) -> Picture {
+    let camera = stage.only::<Camera3d>();
+    stage.world().entity_mut(camera).insert(isolate);
+    stage.settled_picture()
+}
+
+/// Bounded light and residual add up to compensated light; every setting changes the picture, none of them much.
+#[test]
+fn the_parts_add_up_and_every_setting_is_live() {
+    let default = SsbcSettings { iterations: 2, ..default() };
+    let mut stage = Stage::new(SMALL_SIZE, settings(default), |app| {
+        app.add_plugins(CornellPlugin);
+    });
+    let whole = stage.picture();
+    let bounded = isolated(&mut stage, GiIsolate::Bounded);
+    let residual = isolated(&mut stage, GiIsolate::Residual);
+    let sum = bounded.pixels.iter().zip(&residual.pixels).map(|(a, b)| add(*a, *b)).collect();
+    let sum = Picture { pixels: sum, width: bounded.width, height: bounded.height };
+    let metrics = Metrics::new(&sum, &whole).expect("sizes are equal");
+    assert!(metrics.nrmse < 0.002, "bounded and residual are not the whole: {metrics:?}");
+    let share = residual.mean_luminance() / whole.mean_luminance();
+    println!("residual {:.2} % of the bounced light", 100.0 * share);
+    assert!((0.002..0.3).contains(&share), "{share} of the light is given back");
+    assert!(whole == isolated(&mut stage, GiIsolate::Indirect), "going back gives another picture");
+
+    let mut picture = |ssbc| {
+        stage.light_by(illumination(settings(ssbc)));
+        stage.settled_picture()
+    };
+    assert!(bounded == picture(SsbcSettings::OFF), "without iterations there is more than bounded light");
+    let changed = [
+        ("iterations", SsbcSettings { iterations: 1, ..default }),
+        ("solid_angle", SsbcSettings { solid_angle: 1.0, ..default }),
+        ("edge_solid_angle", SsbcSettings { edge_solid_angle: 1.0, ..default }),
+        ("resolution", SsbcSettings { resolution: other(default.resolution), ..default }),
+        ("blur", SsbcSettings { blur: !default.blur, ..default }),
+    ];
+    for (name, ssbc) in changed {
+        let metrics = Metrics::new(&picture(ssbc), &whole).expect("sizes are equal");
+        println!("{name}: {metrics:?}");
+        assert!(metrics.nrmse > 1e-5, "{name} has no effect");
+        assert!(metrics.nonfinite == 0 && metrics.nrmse < 0.1, "{name} changes the picture: {metrics:?}");
+    }
+    assert!(whole == picture(default), "a setting left something behind");
+}
+
+fn add(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
+    std::array::from_fn(|c| a[c] + b[c])
+}
+
+fn other(resolution: SsbcResolution) -> SsbcResolution {
+    match resolution {
+        SsbcResolution::Full => SsbcResolution::Half,
+        SsbcResolution::Half => SsbcResolution::Full,
+    }
+}
+
+/// Between walls that emit, light has a closed form, and corners lose some of it to the bound.
+#[test]
+fn a_furnace_gets_back_what_it_lost_and_no_more() {
+    let (emitted, albedo) = (10.0, 0.5);
+    let mut stage = Stage::new(SMALL_SIZE, settings(SsbcSettings::OFF), |app| {
+        app.add_systems(Startup, move |mut build: Builder| {
+            let paint = build.materials.add(StandardMaterial {
+                base_color: Color::linear_rgb(albedo, albedo, albedo),
+                perceptual_roughness: 1.0,
+                reflectance: 0.0,
+                emissive: LinearRgba::rgb(emitted, emitted, emitted),
+                emissive_exposure_weight: 1.0,
+                ..default()
+            });
+            let [floor, ceiling, back, front, left, right] = std::array::from_fn(|_| paint.clone());
+            build.room(Vec3::splat(-1.5), Vec3::splat(1.5), &Walls { floor, ceiling, back, front, left, right });
+            let place = Transform::from_xyz(0.9, 0.6, 1.2).looking_at(Vec3::new(-1.5, -1.5, -1.5), Vec3::Y);
+            build.commands.spawn((Camera3d::default(), Exposure { ev100: 4.0 }, place));
+        });
+    });
+    let expected = f64::from(emitted * albedo / (1.0 - albedo));
+    let bounded = stage.picture().mean_luminance() / expected;
+    stage.light_by(illumination(settings(SsbcSettings { iterations: 3, ..default() })));
+    let compensated = stage.settled_picture().mean_luminance() / expected;
+    println!("bounded {bounded:.4}, compensated {compensated:.4} of the closed form");
+    assert!(bounded < 0.98, "nothing is lost: {bounded}");
+    assert!(
+        (1.0 - compensated) < 0.5 * (1.0 - bounded),
+        "{compensated} of the light after compensation, {bounded} before"
+    );
+    assert!(compensated < 1.02, "there is more light than there can be: {compensated}");
+}
+
+/// Objects that touch walls and each other, against the path-traced reference.
+#[test]
+fn corners_are_nearer_to_the_reference() {
+    let Some(scene) = shared_file("scenes/corner.glb") else { return };
+    let Some(reference) = shared_file("references/corner.indirect.exr") else { return };
+    let reference = Picture::load(&reference).expect("is a picture");
+    let file = SceneFile::open(&scene).expect("is a scene");
+    let camera = file.camera(Some("main")).expect("has a camera").cloned();
+    let size = UVec2::new(reference.width as u32, reference.height as u32);
+    let run = stage::run(size, Some(illumination(settings(SsbcSettings::OFF))));
+    let mut stage = Stage::with_assets(run, Some(file.folder()), |app| {
+        app.add_plugins(GltfScenePlugin { file, camera, matte: true, flip_textures: false });
+    });
+    let bounded = Metrics::new(&stage.picture(), &reference).expect("sizes are equal");
+    stage.light_by(illumination(settings(SsbcSettings { iterations: 2, ..default() })));
+    let compensated = Metrics::new(&stage.settled_picture(), &reference).expect("sizes are equal");
+    println!("{bounded:?}\n{compensated:?}");
+    assert!(compensated.energy > bounded.energy && compensated.energy < 1.02, "{bounded:?}, {compensated:?}");
+    assert!(compensated.low < bounded.low && compensated.nrmse < bounded.nrmse, "{bounded:?}, {compensated:?}");
+}
