@@ -114,6 +114,7 @@ impl Options {
             Some(_) => VplVisibility::Atlas,
             None => settings.visibility,
         };
+        settings.bound = self.bound.unwrap_or(settings.bound);
         settings.ssbc.iterations = self.ssbc.unwrap_or(settings.ssbc.iterations);
         settings.ssbc.resolution = match self.ssbc_resolution {
             Some(ResolutionOption::Full) => SsbcResolution::Full,
