@@ -78,9 +78,7 @@ impl Options {
         let unbuilt = [
             (self.technique == TechniqueOption::RadianceCache, "--technique radiance-cache; try vpl"),
             (self.technique == TechniqueOption::Cssm, "--technique cssm; try vpl"),
-            (self.visibility == Some(VisibilityOption::Atlas), "--visibility atlas; try voxel"),
-            (self.visibility == Some(VisibilityOption::Ism), "--visibility ism; try voxel"),
-            (self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try voxel"),
+            (self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try atlas"),
             (self.temporal == Switch::On, "--temporal on"),
             (self.glossy == Switch::On, "--glossy on"),
             (self.sky.is_some(), "--sky"),
@@ -111,9 +109,12 @@ impl Options {
         settings.grid = self.grid.unwrap_or(settings.grid);
         settings.visibility = match self.visibility {
             Some(VisibilityOption::None) => VplVisibility::None,
-            Some(_) => VplVisibility::Voxel,
+            Some(VisibilityOption::Voxel) => VplVisibility::Voxel,
+            Some(VisibilityOption::Ism) => VplVisibility::Ism,
+            Some(_) => VplVisibility::Atlas,
             None => settings.visibility,
         };
+        settings.bound = self.bound.unwrap_or(settings.bound);
         settings.ssbc.iterations = self.ssbc.unwrap_or(settings.ssbc.iterations);
         settings.ssbc.resolution = match self.ssbc_resolution {
             Some(ResolutionOption::Full) => SsbcResolution::Full,

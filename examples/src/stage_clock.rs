@@ -65,7 +65,8 @@ impl Plugin for StageClockPlugin {
                     world(None).before(GiSystems::Scene),
                     world(Some("scene")).after(GiSystems::Scene).before(GiSystems::Voxelize),
                     world(Some("voxelize")).after(GiSystems::Voxelize).before(GiSystems::VplTrace),
-                    world(Some("vpl_trace")).after(GiSystems::VplTrace),
+                    world(Some("vpl_trace")).after(GiSystems::VplTrace).before(GiSystems::ShadowAtlas),
+                    world(Some("shadow_atlas")).after(GiSystems::ShadowAtlas),
                 ),
             )
             .add_systems(

@@ -13,8 +13,15 @@ use crate::gpu::webgpu_limits;
 use crate::picture::Picture;
 
 /// Settings that a software adapter renders in a moment, without bias compensation.
-pub const SMALL: GiSettings =
-    GiSettings { grid: 32, vpls: 256, bounces: 6, visibility: VplVisibility::Voxel, ssbc: SsbcSettings::OFF };
+pub const SMALL: GiSettings = GiSettings {
+    grid: 32,
+    vpls: 256,
+    bounces: 6,
+    visibility: VplVisibility::Voxel,
+    tile: 24,
+    bound: 1.0,
+    ssbc: SsbcSettings::OFF,
+};
 
 /// Global illumination with those settings.
 pub fn illumination(settings: GiSettings) -> GlobalIllumination {

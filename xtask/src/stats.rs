@@ -47,8 +47,8 @@ pub struct Stage {
 }
 
 /// The order of the frame; what is not in it follows by name.
-const FRAME_ORDER: [&str; 8] =
-    ["scene", "voxelize", "vpl_trace", "gbuffer", "direct", "interleaved", "ssbc", "compose"];
+const FRAME_ORDER: [&str; 9] =
+    ["scene", "voxelize", "vpl_trace", "shadow_atlas", "gbuffer", "direct", "interleaved", "ssbc", "compose"];
 
 impl Stats {
     /// Reads the file that `viewer --stats` wrote.

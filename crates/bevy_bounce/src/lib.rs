@@ -24,6 +24,8 @@ mod memory;
 mod plugins;
 pub mod scene;
 mod settings;
+pub mod shadow_atlas;
+mod sort;
 pub mod ssbc;
 mod view;
 pub mod vpl;
@@ -35,6 +37,7 @@ pub use memory::gpu_memory;
 pub use plugins::{GiSystems, GlobalIlluminationPlugins};
 pub use scene::{GiLight, GiScenePlugin, VoxelizedMesh};
 pub use settings::{GiSettings, GlobalIllumination, Quality, Technique, VplVisibility};
+pub use shadow_atlas::ShadowAtlasPlugin;
 pub use ssbc::{SsbcPlugin, SsbcResolution, SsbcSettings};
 pub use vpl::VplPlugin;
 

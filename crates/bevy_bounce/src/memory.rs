@@ -6,6 +6,7 @@ use bevy::prelude::*;
 
 use crate::avg::VoxelGrid;
 use crate::scene::SceneBuffers;
+use crate::shadow_atlas::ShadowAtlas;
 use crate::ssbc::SsbcTextures;
 use crate::view::ViewTextures;
 use crate::vpl::VplBuffers;
@@ -20,6 +21,7 @@ pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let items = render_world.get_resource::<SceneBuffers>().map(SceneBuffers::bytes).into_iter().flatten();
     let items = items.chain(render_world.get_resource::<VoxelGrid>().map(VoxelGrid::bytes).into_iter().flatten());
     let items = items.chain(render_world.get_resource::<VplBuffers>().map(VplBuffers::bytes).into_iter().flatten());
+    let items = items.chain(render_world.get_resource::<ShadowAtlas>().map(ShadowAtlas::bytes).into_iter().flatten());
     let items = items.chain(views.iter(render_world).flat_map(ViewTextures::bytes));
     let items = items.chain(compensated.iter(render_world).flat_map(SsbcTextures::bytes));
     let mut memory = BTreeMap::new();

@@ -7,7 +7,9 @@ use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
 use crate::settings::{GiWorldSettings, extract_world_settings};
-use crate::{AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, SsbcPlugin, VplPlugin};
+use crate::{
+    AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
+};
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.
 ///
@@ -16,6 +18,7 @@ use crate::{AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin,
 /// | [`GiScenePlugin`] | scene on the GPU: meshes, materials, lights | nothing bounces |
 /// | [`AvgPlugin`] | voxel grid | nothing bounces |
 /// | [`VplPlugin`] | virtual point lights | nothing bounces |
+/// | [`ShadowAtlasPlugin`] | what virtual point lights see | they see by rays through the grid |
 /// | [`InterleavedShadingPlugin`] | indirect light per pixel | nothing bounces |
 /// | [`SsbcPlugin`] | gives back what bounding took from the indirect light | corners are darker |
 /// | [`GiComposePlugin`] | into the picture | Bevy's own picture |
@@ -30,6 +33,7 @@ impl PluginGroup for GlobalIlluminationPlugins {
             .add(GiScenePlugin)
             .add(AvgPlugin)
             .add(VplPlugin)
+            .add(ShadowAtlasPlugin)
             .add(InterleavedShadingPlugin)
             .add(SsbcPlugin)
             .add(GiComposePlugin)
@@ -52,6 +56,8 @@ pub enum GiSystems {
     Voxelize,
     /// Virtual point lights are traced.
     VplTrace,
+    /// Their shadow maps are drawn.
+    ShadowAtlas,
 }
 
 /// Orders the stages; every plugin of the group calls it, so that each works without the others.
@@ -66,7 +72,7 @@ pub(crate) fn configure_stages(render_app: &mut SubApp) {
         )
         .configure_sets(
             RenderGraph,
-            (GiSystems::Scene, GiSystems::Voxelize, GiSystems::VplTrace)
+            (GiSystems::Scene, GiSystems::Voxelize, GiSystems::VplTrace, GiSystems::ShadowAtlas)
                 .chain()
                 .in_set(RenderGraphSystems::Render)
                 .before(camera_driver),

@@ -58,18 +58,41 @@ pub struct GiSettings {
     pub bounces: u32,
     /// What a virtual light can see.
     pub visibility: VplVisibility,
+    /// Edge of a virtual light's shadow map, texels: 8 to 48, a multiple of four. Four bytes a texel and light; memory and the cost of filling
+    /// it grow with its square, and contact shadows become sharper in proportion.
+    pub tile: u32,
+    /// Scale of the bound of the geometry term, which by itself follows from the number of lights and the area of the scene:
+    /// 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches.
+    pub bound: f32,
     /// Compensation of what the bounded geometry term takes from corners.
     pub ssbc: SsbcSettings,
 }
 
+/// Virtual lights times triangles that are drawn into their shadow maps, at most.
+const OCCLUSION_BUDGET: u32 = 1 << 22;
+
+impl GiSettings {
+    /// Triangles that cast shadows, at most: levels of detail are chosen accordingly.
+    pub(crate) fn occluders(&self) -> u32 {
+        OCCLUSION_BUDGET / self.vpls.max(1)
+    }
+}
+
 /// What a virtual point light can see.
-#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum VplVisibility {
     /// Everything: no shadows in the bounced light. Fast, and it leaks.
     None,
     /// A ray through the voxel grid for every virtual light and pixel.
-    #[default]
     Voxel,
+    /// Imperfect shadow maps: as `Atlas`, drawn from points spread over the surfaces. Cost does not depend on the number of
+    /// triangles; details are lost, and light leaks through what is thin.
+    Ism,
+    /// A shadow map over the hemisphere of every virtual light, into which the scene's triangles are drawn; of large meshes, a
+    /// coarser version. Triangles times lights are bounded: where a scene has so many that the coarser versions would be more
+    /// than a quarter of a voxel off, lights see as with `Voxel`.
+    #[default]
+    Atlas,
 }
 
 impl Default for GiSettings {
@@ -81,23 +104,27 @@ impl Default for GiSettings {
 impl Quality {
     /// The values this quality stands for, within the documented ranges.
     pub fn settings(&self) -> GiSettings {
-        let preset = |grid, vpls, iterations| GiSettings {
+        let preset = |grid, vpls, tile, iterations| GiSettings {
             grid,
             vpls,
             bounces: 12,
-            visibility: VplVisibility::Voxel,
+            visibility: VplVisibility::Atlas,
+            tile,
+            bound: 1.0,
             ssbc: SsbcSettings { iterations, ..default() },
         };
         match *self {
-            Quality::Low => preset(32, 256, 1),
-            Quality::Medium => preset(64, 1024, 1),
-            Quality::High => preset(96, 4096, 2),
-            Quality::Ultra => preset(128, 8192, 2),
+            Quality::Low => preset(32, 256, 24, 1),
+            Quality::Medium => preset(64, 1024, 32, 1),
+            Quality::High => preset(96, 4096, 32, 2),
+            Quality::Ultra => preset(128, 8192, 48, 2),
             Quality::Custom(custom) => GiSettings {
                 grid: custom.grid.clamp(8, 256),
                 vpls: custom.vpls.clamp(16, 65536),
                 bounces: custom.bounces.clamp(1, 31),
                 visibility: custom.visibility,
+                tile: custom.tile.clamp(8, 48) & !3,
+                bound: if custom.bound.is_finite() { custom.bound.clamp(0.01, 100.0) } else { 1.0 },
                 ssbc: custom.ssbc.clamped(),
             },
         }
@@ -121,7 +148,9 @@ pub(crate) fn extract_world_settings(
             grid: a.grid.max(b.grid),
             vpls: a.vpls.max(b.vpls),
             bounces: a.bounces.max(b.bounces),
-            visibility: a.visibility,
+            visibility: a.visibility.max(b.visibility),
+            tile: a.tile.max(b.tile),
+            bound: a.bound.min(b.bound),
             ssbc: a.ssbc,
         });
 }

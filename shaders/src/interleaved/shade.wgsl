@@ -4,7 +4,7 @@
 // A workgroup takes 8x8 pixels of one of the sixteen sub-images that the 4x4 blocks fall into, so that all its threads read
 // the same lights in the same order. The split and the join are in the addressing: no copy of the G-buffer is made.
 //
-// Cost: about 30 operations a light, and a ray where visibility is traced.
+// Cost: about 30 operations a light; besides a ray, or the lookup of a depth, where visibility asks for it.
 
 #import bevy_render::view::View
 #import bevy_bounce::shared::sampling::PI
@@ -12,6 +12,9 @@
 #import bevy_bounce::interleaved::surface::{Surface, unpack_surface}
 #ifdef VISIBILITY_VOXEL
 #import bevy_bounce::shared::rays::{grid, trace, to_grid, Ray}
+#endif
+#ifdef VISIBILITY_ATLAS
+#import bevy_bounce::shadow_atlas::lookup::atlas_visible
 #endif
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -26,7 +29,7 @@ const TILE: u32 = 8u;
 const SURFACE_GAP: f32 = 0.25;
 
 #ifdef VISIBILITY_VOXEL
-fn is_visible(vpl: Vpl, surface: Surface) -> bool {
+fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
     var ray: Ray;
     ray.origin = to_grid(vpl.position);
     let to_surface = to_grid(surface.position) - ray.origin;
@@ -37,8 +40,12 @@ fn is_visible(vpl: Vpl, surface: Surface) -> bool {
     ray.gap = SURFACE_GAP;
     return !trace(ray).found;
 }
+#else ifdef VISIBILITY_ATLAS
+fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
+    return atlas_visible(light, vpl, surface.position);
+}
 #else
-fn is_visible(vpl: Vpl, surface: Surface) -> bool {
+fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
     return true;
 }
 #endif
@@ -54,7 +61,7 @@ fn gather(surface: Surface, subset: u32) -> vec3<f32> {
         let direction = to_vpl * inverseSqrt(square);
         let cosines = max(dot(surface.normal, direction), 0.0) * max(-dot(vpl.normal, direction), 0.0);
         let geometry_term = min(cosines / square, header.geometry_bound);
-        if geometry_term > 0.0 && is_visible(vpl, surface) {
+        if geometry_term > 0.0 && is_visible(i, vpl, surface) {
             light += vpl.flux * geometry_term;
         }
     }

@@ -48,13 +48,17 @@ fn vertex_uv(instance: Instance, vertex: u32) -> vec2<f32> {
 
 /// The triangle in a space whose origin and unit are given, in world units. Not valid where it has no area or is not finite.
 fn load_triangle(instance_index: u32, triangle: u32, origin: vec3<f32>, unit: f32) -> Triangle {
+    let instance = instances[instance_index];
+    if triangle >= instance.triangle_count {
+        return Triangle();
+    }
+    return load_corners(instance_index, instance.index_offset + triangle * 3u, origin, unit);
+}
+
+/// The triangle of three indices, the first of which is that word of the geometry buffer.
+fn load_corners(instance_index: u32, i: u32, origin: vec3<f32>, unit: f32) -> Triangle {
     var t: Triangle;
     let instance = instances[instance_index];
-    t.valid = false;
-    if triangle >= instance.triangle_count {
-        return t;
-    }
-    let i = instance.index_offset + triangle * 3u;
     let index = vec3<u32>(geometry[i], geometry[i + 1u], geometry[i + 2u]);
     let scale = 1.0 / unit;
     t.a = (vertex_position(instance, index.x) - origin) * scale;

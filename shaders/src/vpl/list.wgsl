@@ -1,53 +1,55 @@
 // From paths to the list of virtual lights.
 //
-// More vertices are traced than the list holds. It takes them with a probability that falls with the cube root of how many
-// there are around (in the same brick of the grid), and raises their flux by as much: where light is rare, it comes from more
-// and weaker lights than its share of the flux would give it. Selection is systematic, in order of bounce and path: a sum of
-// probabilities runs along, and whoever carries it over the next integer is in.
+// Many more vertices are traced than the list holds. In an order in which neighbours are neighbours in space, they are cut
+// into as many runs as there is room for; a run becomes one light, with all its flux, at one of its vertices, chosen in
+// proportion to flux. What a light carries is thus an average over many paths. A vertex counts towards the length of its run
+// by the inverse cube root of how many there are around (in the same brick of the grid): where light is rare, it comes from
+// more and weaker lights than its share of the flux would give it.
 //
-// The list has sixteen subsets, each with its share of every bounce. A subset takes, of each bounce, a run of consecutive
-// paths: a run of the sequence is spread over all lights and directions as well as the whole is.
+// Light k of the order belongs to subset k mod 16: each of the sixteen subsets has lights from everywhere.
 //
-// Cost: one workgroup; a thread takes consecutive paths, and looks at each three times a bounce.
+// Cost: one workgroup adds up the weights, three loads a vertex; then a thread a light, three loads a vertex.
 
 #import bevy_bounce::shared::grid::{Grid, COUNTER_AREA}
-#import bevy_bounce::shared::sampling::PI
-#import bevy_bounce::vpl::types::{Vpl, Path, VplParameters, VplHeader, SUBSETS}
+#import bevy_bounce::shared::sampling::{sample_square, PI}
+#import bevy_bounce::vpl::types::{Vpl, VplParameters, VplHeader, SUBSETS, luminance}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> grid: Grid;
 @group(0) @binding(2) var<storage, read> vertices: array<Vpl>;
-@group(0) @binding(3) var<storage, read_write> paths: array<Path>;
-@group(0) @binding(4) var<storage, read> brick_counts: array<u32>;
-@group(0) @binding(5) var<storage, read> counters: array<u32>;
-@group(0) @binding(6) var<storage, read_write> header: VplHeader;
-@group(0) @binding(7) var<storage, read_write> vpls: array<Vpl>;
+@group(0) @binding(3) var<storage, read> vertex_count: array<u32>;
+// Key, slot of the vertex, sorted by key.
+@group(0) @binding(4) var<storage, read> pairs: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read> brick_counts: array<u32>;
+@group(0) @binding(6) var<storage, read> counters: array<u32>;
+// Weights of the vertices before each one, lights in fixed point.
+@group(0) @binding(7) var<storage, read_write> starts: array<u32>;
+@group(0) @binding(8) var<storage, read_write> header: VplHeader;
+@group(0) @binding(9) var<storage, read_write> vpls: array<Vpl>;
 
 const GROUP: u32 = 256u;
-// Bounces 0 to 31, a bit each.
-const LEVELS: u32 = 32u;
+/// Fixed point: the weight of one light. 65,536 lights fit into a word.
+const ONE_SHIFT: u32 = 15u;
+/// Dimension of the sequence, beyond those of the paths.
+const DIMENSION_VERTEX: u32 = 128u;
 
-var<workgroup> float_scratch: array<f32, 256>;
-var<workgroup> scratch: array<u32, 256>;
-// Lights of each bounce, in the list.
-var<workgroup> level_count: array<u32, LEVELS>;
+var<workgroup> float_scratch: array<f32, GROUP>;
+var<workgroup> scratch: array<u32, GROUP>;
 
-// Sum of the values of this lane and lower ones. Hillis & Steele 1986.
-fn inclusive_sum(value: f32, lane: u32) -> f32 {
-    workgroupBarrier();
+fn total(value: f32, lane: u32) -> f32 {
     float_scratch[lane] = value;
     workgroupBarrier();
-    for (var step = 1u; step < GROUP; step <<= 1u) {
-        let lower = select(0.0, float_scratch[max(lane, step) - step], lane >= step);
-        workgroupBarrier();
-        float_scratch[lane] += lower;
+    for (var step = GROUP / 2u; step > 0u; step >>= 1u) {
+        if lane < step {
+            float_scratch[lane] += float_scratch[lane + step];
+        }
         workgroupBarrier();
     }
-    return float_scratch[lane];
+    return float_scratch[0];
 }
 
-fn inclusive_count(value: u32, lane: u32) -> u32 {
-    workgroupBarrier();
+// Sum of the values of lower lanes. Hillis & Steele 1986.
+fn exclusive_sum(value: u32, lane: u32) -> u32 {
     scratch[lane] = value;
     workgroupBarrier();
     for (var step = 1u; step < GROUP; step <<= 1u) {
@@ -56,75 +58,11 @@ fn inclusive_count(value: u32, lane: u32) -> u32 {
         scratch[lane] += lower;
         workgroupBarrier();
     }
-    return scratch[lane];
+    return scratch[lane] - value;
 }
 
-fn vertex_slot(path: u32, bounce: u32) -> u32 {
-    return path * (parameters.max_bounces + 1u) + bounce - paths[path].first_bounce;
-}
-
-// Whether the path has a vertex of that bounce.
-fn reaches(path: u32, bounce: u32) -> bool {
-    let p = paths[path];
-    return bounce >= p.first_bounce && bounce - p.first_bounce < p.length;
-}
-
-// Probability, but for a factor, that a vertex is taken.
-fn vertex_weight(slot: u32) -> f32 {
-    return pow(f32(max(brick_counts[vertices[slot].brick], 1u)), -1.0 / 3.0);
-}
-
-fn first_path(lane: u32) -> u32 {
-    return min(lane * ((parameters.path_count + GROUP - 1u) / GROUP), parameters.path_count);
-}
-
-fn total_weight(lane: u32) -> f32 {
-    var sum = 0.0;
-    for (var path = first_path(lane); path < first_path(lane + 1u); path++) {
-        for (var i = 0u; i < paths[path].length; i++) {
-            sum += vertex_weight(path * (parameters.max_bounces + 1u) + i);
-        }
-    }
-    inclusive_sum(sum, lane);
-    return float_scratch[GROUP - 1u];
-}
-
-fn probability(slot: u32, scale: f32) -> f32 {
-    return min(vertex_weight(slot) * scale, 1.0);
-}
-
-// Marks the vertices of one bounce that are taken; `before` is the sum of probabilities of lower bounces. Returns the sum
-// with this one.
-fn select_level(lane: u32, bounce: u32, scale: f32, before: f32) -> f32 {
-    var sum = 0.0;
-    for (var path = first_path(lane); path < first_path(lane + 1u); path++) {
-        if reaches(path, bounce) {
-            sum += probability(vertex_slot(path, bounce), scale);
-        }
-    }
-    var running = before + inclusive_sum(sum, lane) - sum;
-    let after = before + float_scratch[GROUP - 1u];
-    var taken = 0u;
-    for (var path = first_path(lane); path < first_path(lane + 1u); path++) {
-        if reaches(path, bounce) {
-            let next = running + probability(vertex_slot(path, bounce), scale);
-            if floor(next + 0.5) > floor(running + 0.5) {
-                paths[path].selected |= 1u << bounce;
-                taken++;
-            }
-            running = next;
-        }
-    }
-    inclusive_count(taken, lane);
-    if lane == 0u {
-        level_count[bounce] = scratch[GROUP - 1u];
-    }
-    return after;
-}
-
-// Of `count` lights in a row, how many come before subset `subset`.
-fn before_subset(count: u32, subset: u32) -> u32 {
-    return (count * subset + (SUBSETS - 1u)) / SUBSETS;
+fn vertex_weight(index: u32) -> f32 {
+    return pow(f32(max(brick_counts[vertices[pairs[index].y].brick], 1u)), -1.0 / 3.0);
 }
 
 // Largest geometry term: a light stands for its share of the surfaces, and lights nothing more than if that filled a whole
@@ -132,73 +70,83 @@ fn before_subset(count: u32, subset: u32) -> u32 {
 // are not counted: an assumption, not a measurement of the scene.
 fn geometry_bound(count: u32) -> f32 {
     let area = f32(counters[COUNTER_AREA]) / 256.0 * grid.voxel_size * grid.voxel_size;
-    return 2.0 * PI * f32(count) / max(area, 1e-12);
+    return parameters.bound_scale * 2.0 * PI * f32(count) / max(area, 1e-12);
 }
 
-fn write_header() {
+fn write_header(count: u32) {
     for (var subset = 0u; subset <= SUBSETS; subset++) {
-        var start = 0u;
-        for (var bounce = 0u; bounce <= parameters.max_bounces; bounce++) {
-            start += before_subset(level_count[bounce], subset);
-        }
-        header.subset_start[subset] = min(start, parameters.capacity);
+        header.subset_start[subset] = subset * (count / SUBSETS) + min(subset, count % SUBSETS);
     }
-    header.count = header.subset_start[SUBSETS];
+    header.count = count;
     header.path_count = parameters.path_count;
-    header.geometry_bound = geometry_bound(header.count);
-}
-
-// Place in the list of the light of that rank among those of its bounce.
-fn place(bounce: u32, rank: u32) -> u32 {
-    let subset = rank * SUBSETS / level_count[bounce];
-    var slot = rank - before_subset(level_count[bounce], subset);
-    for (var level = 0u; level <= parameters.max_bounces; level++) {
-        let count = level_count[level];
-        slot += before_subset(count, subset);
-        if level < bounce {
-            slot += before_subset(count, subset + 1u) - before_subset(count, subset);
-        }
-    }
-    return slot;
-}
-
-fn is_selected(path: u32, bounce: u32) -> bool {
-    return (paths[path].selected & (1u << bounce)) != 0u && reaches(path, bounce);
-}
-
-fn write_level(lane: u32, bounce: u32, scale: f32) {
-    var count = 0u;
-    for (var path = first_path(lane); path < first_path(lane + 1u); path++) {
-        count += select(0u, 1u, is_selected(path, bounce));
-    }
-    var rank = inclusive_count(count, lane) - count;
-    for (var path = first_path(lane); path < first_path(lane + 1u); path++) {
-        if is_selected(path, bounce) {
-            let slot = vertex_slot(path, bounce);
-            var vpl = vertices[slot];
-            vpl.flux /= probability(slot, scale) * f32(parameters.path_count);
-            let index = place(bounce, rank);
-            if index < parameters.capacity {
-                vpls[index] = vpl;
-            }
-            rank++;
-        }
-    }
+    header.geometry_bound = geometry_bound(count);
 }
 
 @compute @workgroup_size(256)
-fn build_list(@builtin(local_invocation_index) lane: u32) {
+fn scan_weights(@builtin(local_invocation_index) lane: u32) {
+    let count = vertex_count[0];
+    let chunk = (count + GROUP - 1u) / GROUP;
+    let first = min(lane * chunk, count);
+    let end = min(first + chunk, count);
+    var weight = 0.0;
+    for (var i = first; i < end; i++) {
+        weight += vertex_weight(i);
+    }
     // One place is left for what rounding adds.
-    let scale = (f32(parameters.capacity) - 1.0) / max(total_weight(lane), 1e-30);
-    var before = 0.0;
-    for (var bounce = 0u; bounce <= parameters.max_bounces; bounce++) {
-        before = select_level(lane, bounce, scale, before);
+    let scale = f32((parameters.capacity - 1u) << ONE_SHIFT) / max(total(weight, lane), 1e-30);
+    let one = f32(1u << ONE_SHIFT);
+    var sum = 0u;
+    for (var i = first; i < end; i++) {
+        starts[i] = sum;
+        sum += u32(min(vertex_weight(i) * scale, one));
     }
-    workgroupBarrier();
-    if lane == 0u {
-        write_header();
+    let before = exclusive_sum(sum, lane);
+    for (var i = first; i < end; i++) {
+        starts[i] += before;
     }
-    for (var bounce = 0u; bounce <= parameters.max_bounces; bounce++) {
-        write_level(lane, bounce, scale);
+    if lane == 0u && count == 0u {
+        write_header(0u);
+    } else if end == count && first < end {
+        write_header(min((starts[count - 1u] >> ONE_SHIFT) + 1u, parameters.capacity));
     }
+}
+
+// The first vertex of the order that belongs to that light or a later one.
+fn first_vertex(light: u32) -> u32 {
+    var low = 0u;
+    var high = vertex_count[0];
+    while low < high {
+        let middle = (low + high) / 2u;
+        if (starts[middle] >> ONE_SHIFT) < light {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+@compute @workgroup_size(64)
+fn build_list(@builtin(global_invocation_id) id: vec3<u32>) {
+    let light = id.x;
+    if light >= header.count {
+        return;
+    }
+    let first = first_vertex(light);
+    let end = first_vertex(light + 1u);
+    var flux = vec3<f32>(0.0);
+    for (var i = first; i < end; i++) {
+        flux += vertices[pairs[i].y].flux;
+    }
+    var pick = sample_square(light, DIMENSION_VERTEX).x * luminance(flux);
+    var chosen = first;
+    for (; chosen + 1u < end; chosen++) {
+        pick -= luminance(vertices[pairs[chosen].y].flux);
+        if pick < 0.0 {
+            break;
+        }
+    }
+    var vpl = vertices[pairs[chosen].y];
+    vpl.flux = flux / f32(parameters.path_count);
+    vpls[header.subset_start[light % SUBSETS] + light / SUBSETS] = vpl;
 }

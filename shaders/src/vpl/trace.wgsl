@@ -14,7 +14,7 @@
     sample_square, cosine_direction, cone_direction, disk_point, triangle_point, any_tangent, PI,
 }
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, CHUNK_TRIANGLES}
-#import bevy_bounce::vpl::types::{Vpl, Path, Emitter, VplParameters}
+#import bevy_bounce::vpl::types::{Vpl, Path, Emitter, VplParameters, vertex_slot}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> scene: Scene;
@@ -170,11 +170,11 @@ fn range_window(inverse_square_range: f32, distance: f32) -> f32 {
     return window * window;
 }
 
-fn store(path: u32, slot: u32, position: vec3<f32>, normal: vec3<f32>, bounce: u32, flux: vec3<f32>) {
+fn store(path: u32, index: u32, position: vec3<f32>, normal: vec3<f32>, bounce: u32, flux: vec3<f32>) {
     let voxel = clamp(to_grid(position), vec3<f32>(0.0), vec3<f32>(grid.dims - 1u));
     let brick = brick_index(grid, vec3<u32>(voxel) / BRICK);
     atomicAdd(&brick_counts[brick], 1u);
-    vertices[path * (parameters.max_bounces + 1u) + slot] = Vpl(position, bounce, normal, path, flux, brick);
+    vertices[vertex_slot(parameters, path, index)] = Vpl(position, bounce, normal, path, flux, brick);
 }
 
 fn follow(path: u32, start: Photon) -> u32 {

@@ -14,7 +14,7 @@ struct Vpl {
 struct Path {
     length: u32,
     first_bounce: u32,
-    selected: u32,
+    first: u32,
 }
 
 struct Emitter {
@@ -34,7 +34,7 @@ struct VplParameters {
     capacity: u32,
     path_count: u32,
     max_bounces: u32,
-    padding: u32,
+    bound_scale: f32,
 }
 
 struct VplHeader {
@@ -46,6 +46,11 @@ struct VplHeader {
     geometry_bound: f32,
     // Lights in the list.
     count: u32,
+}
+
+/// Where vertex `index` of a path is stored.
+fn vertex_slot(parameters: VplParameters, path: u32, index: u32) -> u32 {
+    return path * (parameters.max_bounces + 1u) + index;
 }
 
 /// Subsets of the lights: a pixel of each 4x4 block is lit by one of them.

@@ -10,5 +10,7 @@ mod pictures;
 mod pipelines;
 mod sampling;
 mod shaders;
+mod shadow_atlas;
+mod sort;
 mod ssbc;
 mod voxels;

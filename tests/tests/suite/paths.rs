@@ -5,12 +5,14 @@ use std::f32::consts::PI;
 
 use bevy::math::{Affine3A, Quat, Vec3};
 use bevy_bounce_shaders::types::{
-    LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Path, SUBSETS, Vpl, VplHeader, VplParameters,
+    HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Path, SUBSETS, Vpl, VplHeader, VplParameters,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::scene::{TestScene, cuboid, run, voxelize};
 use bevy_bounce_tests::twins::random::Random;
+
+use crate::sort::radix_sort;
 
 const PATHS: u32 = 4096;
 
@@ -26,7 +28,7 @@ struct Traced {
 impl Traced {
     fn new(scene: &TestScene, voxel_size: f32, max_bounces: u32) -> Self {
         let grid = scene.grid(voxel_size);
-        let parameters = VplParameters { capacity: 1000, path_count: PATHS, max_bounces, padding: 0 };
+        let parameters = VplParameters { capacity: 1000, path_count: PATHS, max_bounces, bound_scale: 1.0 };
         let slots = PATHS as usize * (max_bounces as usize + 1);
         let resources = voxelize(gpu(), scene, &grid, None)
             .uniform("parameters", &parameters)
@@ -45,6 +47,24 @@ impl Traced {
         let brick_counts = resources.read_words("brick_counts").expect("reads back");
         let vertices = resources.read_structs("vertices").expect("reads back");
         Self { parameters, vertices, paths, brick_counts, resources }
+    }
+
+    /// Sorts the vertices and makes the list.
+    fn list(mut self) -> (Self, VplHeader, Vec<Vpl>) {
+        let slots = self.vertices.len();
+        let resources = self.resources.zeroed("vertex_count", 1).zeroed("pairs", 2 * slots).zeroed("starts", slots);
+        run(gpu(), "vpl/order.wgsl", "scan_paths", &resources, [1, 1, 1]);
+        run(gpu(), "vpl/order.wgsl", "write_pairs", &resources, [PATHS.div_ceil(64), 1, 1]);
+        let count = resources.read_words("vertex_count").expect("reads back")[0] as usize;
+        let pairs = resources.read_words("pairs").expect("reads back");
+        let sorted = radix_sort(&pairs.as_chunks().0[..count], 3 + 3 * HILBERT_BITS);
+        let resources = resources.words("pairs", sorted.as_flattened());
+        run(gpu(), "vpl/list.wgsl", "scan_weights", &resources, [1, 1, 1]);
+        run(gpu(), "vpl/list.wgsl", "build_list", &resources, [self.parameters.capacity.div_ceil(64), 1, 1]);
+        let header = resources.read_structs::<VplHeader>("header").expect("reads back")[0];
+        let list = resources.read_structs::<Vpl>("vpls").expect("reads back");
+        self.resources = resources;
+        (self, header, list)
     }
 
     fn path(&self, path: usize) -> &[Vpl] {
@@ -246,55 +266,79 @@ fn the_list_is_whole_and_even() {
     let strip = [Vec3::new(-0.5, 1.5, 0.0), Vec3::new(0.5, 1.5, 0.0), Vec3::new(0.0, 1.5, 0.5)];
     scene.mesh(&[strip], 1, 0, Affine3A::from_rotation_translation(Quat::from_rotation_z(0.3), Vec3::ZERO));
     scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::splat(3.0)));
-    let traced = Traced::new(&scene, 0.2, 6);
-    run(gpu(), "vpl/list.wgsl", "build_list", &traced.resources, [1, 1, 1]);
-    let header = traced.resources.read_structs::<VplHeader>("header").expect("reads back")[0];
-    let list = traced.resources.read_structs::<Vpl>("vpls").expect("reads back");
+    let (traced, header, list) = Traced::new(&scene, 0.2, 6).list();
 
     assert_eq!(header.path_count, PATHS);
     let (all, count) = (traced.all().count(), header.count as usize);
     assert!(all > 2 * traced.parameters.capacity as usize, "{all} vertices are no choice");
     assert!((990..=1000).contains(&count), "{count} lights in a list of 1000");
 
-    // Each vertex once at most, with the flux of those that it stands for: the rarer light is, the more of it is taken.
+    // Each light is at a vertex, and none is in two places.
     let by_key: BTreeMap<_, _> = traced.all().map(|vpl| ((vpl.path, vpl.bounce), vpl)).collect();
     let mut seen = BTreeSet::new();
-    let mut scales = Vec::new();
     for vpl in &list[..count] {
         let key = (vpl.path, vpl.bounce);
         assert!(seen.insert(key), "{key:?} is twice in the list");
         let vertex = by_key.get(&key).unwrap_or_else(|| panic!("{key:?} is not a vertex"));
         assert_eq!((vpl.position, vpl.normal), (vertex.position, vertex.normal));
-        let stands_for = vpl.flux.max_element() * PATHS as f32 / vertex.flux.max_element();
-        assert!(stands_for > 0.999, "{key:?} has less than its flux");
-        if stands_for > 1.001 {
-            scales.push((traced.brick_counts[vpl.brick as usize] as f32).powf(1.0 / 3.0) / stands_for);
-        }
-    }
-    let (low, high) = scales.iter().fold((f32::MAX, 0.0_f32), |(low, high), s| (low.min(*s), high.max(*s)));
-    assert!(high / low < 1.001, "probabilities do not follow the density: {low} to {high}");
-    for level in 0..=6 {
-        let sum =
-            |vpls: &mut dyn Iterator<Item = &Vpl>| vpls.filter(|v| v.bounce == level).map(|v| v.flux.x).sum::<f32>();
-        let expected = sum(&mut traced.all()) / PATHS as f32;
-        let found = sum(&mut list[..count].iter());
-        assert!((found / expected - 1.0).abs() < 0.06, "bounce {level} has {found} lumens, expected {expected}");
     }
 
-    // Each subset has its share of each bounce.
-    let subset_count = |level: u32, subset: usize| {
-        let range = header.subset_start[subset] as usize..header.subset_start[subset + 1] as usize;
-        list[range].iter().filter(|vpl| vpl.bounce == level).count()
+    // Nothing is lost, and nothing goes far: flux and place of all that looks one way.
+    let facing = |vpl: &Vpl| (0..6).find(|i| vpl.normal[i / 2] * [1.0, -1.0][i % 2] > 0.7);
+    let moments = |vpls: &mut dyn Iterator<Item = &Vpl>, side: Option<usize>| {
+        vpls.filter(|vpl| facing(vpl) == side)
+            .fold((Vec3::ZERO, Vec3::ZERO), |(flux, place), vpl| (flux + vpl.flux, place + vpl.flux.y * vpl.position))
     };
-    assert_eq!((header.subset_start[0], header.subset_start[SUBSETS]), (0, header.count));
-    for level in 0..=6 {
-        let of_level = list[..count].iter().filter(|vpl| vpl.bounce == level).count();
-        for subset in 0..SUBSETS {
-            let count = subset_count(level, subset);
-            let share = of_level as f64 / SUBSETS as f64;
-            assert!((count as f64 - share).abs() < 1.0, "subset {subset} has {count} of {of_level} of bounce {level}");
-        }
+    for side in (0..6).map(Some) {
+        let (expected, expected_place) = moments(&mut traced.all(), side);
+        let (found, place) = moments(&mut list[..count].iter(), side);
+        let error = (found * PATHS as f32 / expected - 1.0).abs().max_element();
+        assert!(error < 0.02, "side {side:?} has {found} lumens, expected {}", expected / PATHS as f32);
+        let off = place / found.y - expected_place / expected.y;
+        assert!(off.length() < 0.03, "the light of side {side:?} is {off} off");
     }
+    let total = |vpls: &mut dyn Iterator<Item = &Vpl>| vpls.map(|vpl| vpl.flux.as_dvec3()).sum::<bevy::math::DVec3>();
+    let ratio = total(&mut list[..count].iter()) * f64::from(PATHS) / total(&mut traced.all());
+    assert!((ratio - 1.0).abs().max_element() < 1e-5, "{ratio} of the flux is in the list");
+
+    // Where light is rare, a light stands for less of it.
+    let occupied = traced.brick_counts.iter().filter(|count| **count > 0).count();
+    let mean_count = (all / occupied) as u32;
+    let stands_for = |rare: bool| {
+        let threshold = mean_count;
+        let is_rare = |brick: u32| (traced.brick_counts[brick as usize] < threshold) == rare;
+        let lights = list[..count].iter().filter(|vpl| is_rare(vpl.brick)).count();
+        traced.all().filter(|vpl| is_rare(vpl.brick)).count() as f32 / lights as f32
+    };
+    assert!(stands_for(true) < 0.8 * stands_for(false), "{} and {}", stands_for(true), stands_for(false));
+
+    // Each subset has its share.
+    assert_eq!((header.subset_start[0], header.subset_start[SUBSETS]), (0, header.count));
+    for subset in 0..SUBSETS {
+        let range = header.subset_start[subset] as usize..header.subset_start[subset + 1] as usize;
+        assert!(range.len().abs_diff(count / SUBSETS) <= 1, "subset {subset} has {} lights", range.len());
+        let share = total(&mut list[range].iter()) * SUBSETS as f64 / total(&mut list[..count].iter());
+        assert!((share - 1.0).abs().max_element() < 0.1, "subset {subset} has {share} of its share");
+    }
+}
+
+#[test]
+fn few_vertices_are_all_in_the_list() {
+    let mut scene = room(Vec3::splat(0.05));
+    scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::splat(3.0)));
+    let (traced, header, list) = Traced::new(&scene, 0.2, 3).list();
+    let all = traced.all().count();
+    assert!(all > 100 && all < 400, "{all} vertices");
+    assert!(header.count as usize > all * 9 / 10 && header.count as usize <= all, "{} lights", header.count);
+    let flux: f32 = list[..header.count as usize].iter().map(|vpl| vpl.flux.x).sum();
+    let expected: f32 = traced.all().map(|vpl| vpl.flux.x / PATHS as f32).sum();
+    assert!((flux / expected - 1.0).abs() < 1e-4, "{flux} lumens, expected {expected}");
+}
+
+#[test]
+fn no_light_an_empty_list() {
+    let (_, header, _) = Traced::new(&room(Vec3::splat(0.5)), 0.3, 4).list();
+    assert_eq!((header.count, header.subset_start), (0, [0; SUBSETS + 1]));
 }
 
 /// Rays against exact geometry.
@@ -357,7 +401,7 @@ fn rays_meet_what_is_there() {
 }
 
 /// Distance to the front of a triangle. Moeller and Trumbore 1997.
-fn intersect([a, b, c]: &[Vec3; 3], origin: Vec3, direction: Vec3) -> Option<f32> {
+pub fn intersect([a, b, c]: &[Vec3; 3], origin: Vec3, direction: Vec3) -> Option<f32> {
     let (e1, e2) = (*b - *a, *c - *a);
     let p = direction.cross(e2);
     let determinant = e1.dot(p);

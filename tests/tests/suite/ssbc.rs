@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use bevy::camera::Exposure;
 use bevy::math::{Mat4, UVec2, Vec3, Vec4};
 use bevy::prelude::*;
-use bevy_bounce::{GiIsolate, GiSettings, SsbcResolution, SsbcSettings, VplVisibility};
+use bevy_bounce::{GiIsolate, GiSettings, SsbcResolution, SsbcSettings};
 use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
 use bevy_bounce_examples::scenes::{Builder, CornellPlugin, Walls};
 use bevy_bounce_shaders::types::{SSBC_LEVELS, SsbcParameters, VplHeader};
@@ -16,7 +16,7 @@ use bevy_bounce_tests::metrics::Metrics;
 use bevy_bounce_tests::picture::Picture;
 use bevy_bounce_tests::references::shared_file;
 use bevy_bounce_tests::scene::{run, run_with};
-use bevy_bounce_tests::stage::{self, Stage, illumination};
+use bevy_bounce_tests::stage::{self, SMALL, Stage, illumination};
 use bevy_bounce_tests::twins::ssbc::{
     GBuffer, Gathered, Hierarchy, Lens, flat_sum, gather, half_texels, rgb9e5_to_vec3,
 };
@@ -304,7 +304,7 @@ const SMALL_SIZE: UVec2 = UVec2::new(96, 54);
 
 /// The fewer virtual lights, the more they are bounded, and the more there is to give back.
 fn settings(vpls: u32, ssbc: SsbcSettings) -> GiSettings {
-    GiSettings { grid: 64, vpls, bounces: 12, visibility: VplVisibility::Voxel, ssbc }
+    GiSettings { grid: 64, vpls, bounces: 12, ssbc, ..SMALL }
 }
 
 fn isolated(stage: &mut Stage, isolate: GiIsolate) -> Picture {

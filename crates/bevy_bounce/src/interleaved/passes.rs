@@ -11,6 +11,7 @@ use crate::VplVisibility;
 use crate::avg::{VoxelGrid, bind_grid};
 use crate::compute::whole;
 use crate::settings::GiWorldSettings;
+use crate::shadow_atlas::{ShadowAtlas, bind_atlas};
 use crate::view::{GiView, ViewTextures};
 use crate::vpl::VplBuffers;
 
@@ -26,19 +27,27 @@ pub(super) fn shade(
     view_uniforms: Res<ViewUniforms>,
     vpl: Option<Res<VplBuffers>>,
     grid: Option<Res<VoxelGrid>>,
+    atlas: Option<Res<ShadowAtlas>>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
     let (gi, textures, offset) = view.into_inner();
     let (Some(_), Some(p), Some(vpl), Some(grid)) = (settings.0, pipelines, vpl, grid) else { return };
     let Some(view_buffer) = view_uniforms.uniforms.buffer() else { return };
-    let Some(grid_group) = bind_grid(&grid, ctx.render_device(), &cache) else { return };
+    let atlas_group = atlas.and_then(|atlas| bind_atlas(&atlas, ctx.render_device(), &cache));
+    let (visibility, visibility_group) = match (gi.settings.visibility, atlas_group) {
+        (VplVisibility::None, _) => (VplVisibility::None, None),
+        (VplVisibility::Ism | VplVisibility::Atlas, Some(group)) => (VplVisibility::Atlas, Some(group)),
+        _ => {
+            let Some(group) = bind_grid(&grid, ctx.render_device(), &cache) else { return };
+            (VplVisibility::Voxel, Some(group))
+        }
+    };
     let view_uniform = BindingResource::Buffer(BufferBinding {
         buffer: view_buffer,
         offset: offset.offset.into(),
         size: Some(ViewUniform::min_size()),
     });
-    let visibility = gi.settings.visibility;
     let shade = p.shade(visibility);
     let device = ctx.render_device().clone();
     let shade_group = shade.bind(
@@ -63,11 +72,8 @@ pub(super) fn shade(
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/interleaved");
     let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE_PIXELS)) * 4;
-    let groups: &[_] = match visibility {
-        VplVisibility::None => &[&shade_group],
-        VplVisibility::Voxel => &[&shade_group, &grid_group],
-    };
-    shade.dispatch(encoder, &cache, groups, tiles.extend(1));
+    let groups: Vec<_> = std::iter::once(&shade_group).chain(&visibility_group).collect();
+    shade.dispatch(encoder, &cache, &groups, tiles.extend(1));
     let groups = textures.size.map(|pixels| pixels.div_ceil(GROUP));
     p.filter.dispatch(encoder, &cache, &[&filter_group], groups.extend(1));
     span.end(encoder);

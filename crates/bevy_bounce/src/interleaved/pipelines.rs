@@ -9,12 +9,14 @@ use bevy::render::render_resource::{PipelineCache, StorageTextureAccess, Texture
 use crate::VplVisibility;
 use crate::avg::grid_layout;
 use crate::compute::{GiShaders, Kernel, KernelDescriptor};
+use crate::shadow_atlas::atlas_layout;
 
 /// Kernels of the interleaved shading.
 #[derive(Resource)]
 pub(super) struct InterleavedPipelines {
     shade_none: Kernel,
     shade_voxel: Kernel,
+    shade_atlas: Kernel,
     pub filter: Kernel,
 }
 
@@ -24,6 +26,7 @@ impl InterleavedPipelines {
         match visibility {
             VplVisibility::None => &self.shade_none,
             VplVisibility::Voxel => &self.shade_voxel,
+            VplVisibility::Ism | VplVisibility::Atlas => &self.shade_atlas,
         }
     }
 }
@@ -42,9 +45,11 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     // View; surface, light of the subsets; light.
     let filter = [uniform, surface, light, output];
     let voxel = vec!["VISIBILITY_VOXEL".into()];
+    let atlas = vec!["VISIBILITY_ATLAS".into()];
     commands.insert_resource(InterleavedPipelines {
         shade_none: kernel("interleaved/shade.wgsl", "shade", &shade, &[], vec![]),
         shade_voxel: kernel("interleaved/shade.wgsl", "shade", &shade, &[grid_layout()], voxel),
+        shade_atlas: kernel("interleaved/shade.wgsl", "shade", &shade, &[atlas_layout()], atlas),
         filter: kernel("interleaved/filter.wgsl", "filter_joined", &filter, &[], vec![]),
     });
 }

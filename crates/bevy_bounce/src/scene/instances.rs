@@ -43,6 +43,7 @@ pub(super) struct Instances {
     pub chunks: GpuTable<Chunk>,
     /// Of those whose material emits.
     pub emissive_chunks: GpuTable<Chunk>,
+    generation: u32,
     slots: SlotAllocator,
     by_entity: HashMap<Entity, u32>,
     records: Vec<Option<Record>>,
@@ -59,6 +60,7 @@ impl Default for Instances {
             table: GpuTable::new("bounce_instances"),
             chunks: GpuTable::new("bounce_chunks"),
             emissive_chunks: GpuTable::new("bounce_emissive_chunks"),
+            generation: 0,
             slots: SlotAllocator::default(),
             by_entity: HashMap::default(),
             records: Vec::new(),
@@ -75,6 +77,20 @@ impl Instances {
     /// Box of all that takes part.
     pub fn bounds(&self) -> Bounds {
         self.bounds
+    }
+
+    /// Counts the times that the triangles taking part were others than before.
+    pub fn generation(&self) -> u32 {
+        self.generation
+    }
+
+    /// Slot, mesh and box of those that take part, by slot.
+    pub fn present(&self) -> impl Iterator<Item = (u32, AssetId<Mesh>, Bounds)> {
+        (0u32..)
+            .zip(self.table.values())
+            .zip(&self.records)
+            .filter(|((_, instance), _)| instance.triangle_count > 0)
+            .filter_map(|((slot, _), record)| record.as_ref().map(|record| (slot, record.source.mesh, record.bounds)))
     }
 
     /// The device the buffers were made on is gone.
@@ -240,7 +256,8 @@ pub(super) fn resolve_instances(mut instances: ResMut<Instances>, meshes: Res<Me
     let mut chunks_changed = false;
     for slot in std::mem::take(&mut instances.dirty) {
         let index = slot as usize;
-        let before = instances.table.values().get(index).map_or(0, |instance| instance.triangle_count);
+        let shape = |instance: &Instance| (instance.triangle_count, instance.index_offset);
+        let before = instances.table.values().get(index).map_or((0, 0), shape);
         let record = instances.records[index].as_ref();
         if record.is_some_and(|record| !record.source.transform.is_finite()) && !instances.warned_transform {
             instances.warned_transform = true;
@@ -248,7 +265,7 @@ pub(super) fn resolve_instances(mut instances: ResMut<Instances>, meshes: Res<Me
         }
         let resolved =
             record.and_then(|record| resolve(record, &instances.layers, &meshes, &materials)).unwrap_or_default();
-        chunks_changed |= before != resolved.instance.triangle_count;
+        chunks_changed |= before != shape(&resolved.instance);
         instances.table.set(index, resolved.instance);
         if let Some(record) = &mut instances.records[index] {
             chunks_changed |= record.emits != resolved.emits;
@@ -258,6 +275,7 @@ pub(super) fn resolve_instances(mut instances: ResMut<Instances>, meshes: Res<Me
     }
     if chunks_changed {
         instances.rebuild_chunks();
+        instances.generation += 1;
     }
     instances.bounds =
         instances.records.iter().flatten().fold(Bounds::EMPTY, |bounds, record| bounds.union(&record.bounds));

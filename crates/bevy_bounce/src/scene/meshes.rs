@@ -15,6 +15,7 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 
 use super::allocator::RangeAllocator;
 use super::bounds::Bounds;
+use super::lods::Lod;
 use super::pack::{PackedMesh, Unusable, pack};
 use super::table::{STORAGE_USAGES, buffer_limit};
 
@@ -123,6 +124,10 @@ pub(super) struct MeshEntry {
     pub index_offset: u32,
     /// Number of triangles.
     pub triangle_count: u32,
+    /// The whole mesh, then coarser ones.
+    pub lods: Vec<Lod>,
+    /// Running sum of the triangles' areas, square local units.
+    pub areas: Vec<f32>,
     /// First word of the skin, where there is one.
     pub skin_offset: Option<u32>,
     /// First word of the morph deltas.
@@ -144,6 +149,8 @@ impl MeshEntry {
             vertex_count: packed.vertex_count,
             index_offset: start + packed.index_offset,
             triangle_count: packed.triangle_count,
+            lods: packed.lods.iter().map(|lod| Lod { index_offset: start + lod.index_offset, ..*lod }).collect(),
+            areas: packed.areas,
             skin_offset: packed.skin_offset.map(|offset| start + offset),
             morph_offset: start + packed.morph_offset,
             bounds: packed.bounds,

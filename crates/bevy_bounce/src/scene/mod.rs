@@ -22,8 +22,10 @@ mod deform;
 mod extract;
 mod instances;
 mod lights;
+mod lods;
 mod materials;
 mod meshes;
+mod occluders;
 mod pack;
 mod passes;
 mod prepare;
@@ -46,6 +48,7 @@ use self::instances::{Instances, resolve_instances, update_instances};
 use self::lights::{ExtractedLights, Lights, extract_lights, update_lights};
 use self::materials::{Materials, resolve_materials, update_materials};
 use self::meshes::collect_meshes;
+use self::occluders::{Occluders, choose_occluders};
 use self::passes::{init_pipelines, scene_pass};
 use self::prepare::{init_scene, upload_scene};
 use self::thumbnails::{collect_images, update_thumbnails};
@@ -125,6 +128,7 @@ impl Plugin for GiScenePlugin {
             .init_resource::<ExtractedPoses>()
             .init_resource::<Instances>()
             .init_resource::<Materials>()
+            .init_resource::<Occluders>()
             .init_resource::<Lights>()
             .init_resource::<DeformJobs>()
             .add_systems(RenderStartup, (init_scene, init_pipelines))
@@ -144,6 +148,7 @@ impl Plugin for GiScenePlugin {
                         update_instances,
                         update_deformed,
                         resolve_instances,
+                        choose_occluders,
                         update_lights,
                         upload_scene,
                     )

@@ -5,7 +5,7 @@
 //! | part | words | per |
 //! |---|---|---|
 //! | vertices | position (3 f32), UV (2 f16) | vertex |
-//! | indices | 3 u32, relative to the first vertex | triangle |
+//! | indices | 3 u32, relative to the first vertex | triangle, level of detail by level |
 //! | skin | 4 joints (u16), 4 weights (unorm16) | vertex, skinned meshes only |
 //! | morph deltas | position (3 f32) | target, then vertex; morphed meshes only |
 //!
@@ -17,6 +17,7 @@ use bevy_bounce_shaders::types::{SKIN_WORDS, VERTEX_WORDS};
 use half::f16;
 
 use super::bounds::Bounds;
+use super::lods::{Lod, simplified};
 
 /// Why a mesh cannot take part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,6 +39,10 @@ pub(super) struct PackedMesh {
     pub index_offset: u32,
     /// Number of triangles.
     pub triangle_count: u32,
+    /// The whole mesh, then coarser and coarser ones with the same vertices; at least one.
+    pub lods: Vec<Lod>,
+    /// Running sum of the triangles' areas, square local units.
+    pub areas: Vec<f32>,
     /// First word of the skin, where there is one.
     pub skin_offset: Option<u32>,
     /// First word of the morph deltas.
@@ -74,10 +79,31 @@ pub(super) fn pack(mesh: &Mesh) -> Result<PackedMesh, Unusable> {
     }
     debug_assert_eq!(packed.words.len(), packed.vertex_count as usize * VERTEX_WORDS as usize);
     packed.index_offset = packed.words.len() as u32;
-    packed.words.extend(triangles.into_iter().flatten());
+    packed.words.extend(triangles.as_flattened());
+    packed.areas = running_areas(positions, &triangles);
+    packed.lods.push(Lod { index_offset: packed.index_offset, triangle_count: packed.triangle_count, error: 0.0 });
+    for (indices, error) in simplified(positions, triangles.as_flattened()) {
+        let index_offset = packed.words.len() as u32;
+        packed.areas = running_areas(positions, &triangles);
+        packed.lods.push(Lod { index_offset, triangle_count: indices.len() as u32 / 3, error });
+        packed.words.extend(indices);
+    }
     pack_skin(mesh, &mut packed, positions);
     pack_morph_targets(mesh, &mut packed);
     Ok(packed)
+}
+
+fn running_areas(positions: &[[f32; 3]], triangles: &[[u32; 3]]) -> Vec<f32> {
+    let mut sum = 0.0_f64;
+    let area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| Vec3::from_array(positions[i as usize]));
+        f64::from((b - a).cross(c - a).length() / 2.0)
+    };
+    let add = |t| {
+        sum += Some(area(t)).filter(|area| area.is_finite()).unwrap_or(0.0);
+        sum as f32
+    };
+    triangles.iter().map(add).collect()
 }
 
 fn finite_or_zero(v: Vec3) -> Vec3 {

@@ -12,6 +12,7 @@ use super::instances::Instances;
 use super::lights::Lights;
 use super::materials::Materials;
 use super::meshes::{Geometry, Meshes};
+use super::occluders::Occluders;
 use super::table::STORAGE_USAGES;
 use super::thumbnails::Thumbnails;
 
@@ -27,6 +28,10 @@ pub(crate) struct SceneBuffers {
     pub chunks: Buffer,
     /// `array<Chunk>`: `emissive_chunk_count` of them cover the triangles that shine.
     pub emissive_chunks: Buffer,
+    /// `array<OccluderChunk>`.
+    pub occluder_chunks: Buffer,
+    /// `array<SurfacePoint>`.
+    pub surface_points: Buffer,
     /// `array<Material>`.
     pub materials: Buffer,
     /// `array<u32>`: 16 x 16 texels each.
@@ -35,6 +40,7 @@ pub(crate) struct SceneBuffers {
     pub lights: Buffer,
     uniform: UniformBuffer<Scene>,
     bounds: Bounds,
+    occluders: OccluderCounts,
     pose_bytes: u64,
 }
 
@@ -53,11 +59,14 @@ impl SceneBuffers {
             instances: placeholder(),
             chunks: placeholder(),
             emissive_chunks: placeholder(),
+            occluder_chunks: placeholder(),
             materials: placeholder(),
             thumbnails: placeholder(),
             lights: placeholder(),
             uniform: UniformBuffer::default(),
             bounds: Bounds::EMPTY,
+            occluders: OccluderCounts::default(),
+            surface_points: placeholder(),
             pose_bytes: 0,
         }
     }
@@ -82,18 +91,39 @@ impl SceneBuffers {
         self.uniform.get().emissive_chunk_count
     }
 
+    /// What casts shadows into the maps of virtual lights.
+    pub fn occluders(&self) -> OccluderCounts {
+        self.occluders
+    }
+
     /// What each buffer holds on the GPU, bytes.
     pub fn bytes(&self) -> Vec<(&'static str, u64)> {
         vec![
             ("scene: geometry", self.geometry.size()),
             ("scene: instances", self.instances.size()),
             ("scene: chunks", self.chunks.size() + self.emissive_chunks.size()),
+            ("scene: occluders", self.occluder_chunks.size() + self.surface_points.size()),
             ("scene: materials", self.materials.size()),
             ("scene: thumbnails", self.thumbnails.size()),
             ("scene: lights", self.lights.size()),
             ("scene: poses", self.pose_bytes),
         ]
     }
+}
+
+/// What casts shadows into the maps of virtual lights.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct OccluderCounts {
+    /// Chunks of triangles.
+    pub chunks: u32,
+    /// Their triangles.
+    pub triangles: u32,
+    /// How far they are from the surfaces, world units.
+    pub error: f32,
+    /// Points.
+    pub points: u32,
+    /// Of a point, square world units.
+    pub point_area: f32,
 }
 
 /// Buffers on a device that is new: at start, and after the old one was lost.
@@ -104,8 +134,10 @@ pub(super) fn init_scene(
     mut materials: ResMut<Materials>,
     mut lights: ResMut<Lights>,
     mut deform: ResMut<DeformJobs>,
+    mut occluders: ResMut<Occluders>,
 ) {
     instances.lose_buffers();
+    occluders.lose_buffers();
     deform.lose_buffers();
     materials.table.lose_buffer();
     lights.table.lose_buffer();
@@ -122,6 +154,7 @@ pub(super) fn init_scene(
 pub(super) fn upload_scene(
     mut buffers: ResMut<SceneBuffers>,
     mut instances: ResMut<Instances>,
+    mut occluders: ResMut<Occluders>,
     mut materials: ResMut<Materials>,
     mut lights: ResMut<Lights>,
     geometry: Res<Geometry>,
@@ -145,12 +178,22 @@ pub(super) fn upload_scene(
     upload!(instances.table, buffers.instances);
     upload!(instances.chunks, buffers.chunks);
     upload!(instances.emissive_chunks, buffers.emissive_chunks);
+    upload!(occluders.chunks, buffers.occluder_chunks);
+    upload!(occluders.points, buffers.surface_points);
     upload!(materials.table, buffers.materials);
     upload!(lights.table, buffers.lights);
     follow(&mut buffers.geometry, Some(&geometry.buffer));
     follow(&mut buffers.thumbnails, Some(&thumbnails.buffer));
 
     buffers.bounds = instances.bounds();
+    let chunks = occluders.chunks.values();
+    buffers.occluders = OccluderCounts {
+        chunks: chunks.len() as u32,
+        triangles: chunks.iter().map(|chunk| chunk.triangle_count).sum(),
+        error: occluders.error,
+        points: occluders.points.values().len() as u32,
+        point_area: occluders.point_area,
+    };
     buffers.pose_bytes = deform.bytes();
     let bounds = if buffers.bounds.is_empty() { Bounds { min: Vec3::ZERO, max: Vec3::ZERO } } else { buffers.bounds };
     let scene = Scene {

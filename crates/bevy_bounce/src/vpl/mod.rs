@@ -6,7 +6,9 @@
 //! | buffer | bytes at 1024 lights, 12 bounces | holds |
 //! |---|---|---|
 //! | `vertices` | 4.9 MiB | path by path, where it was reflected |
-//! | `paths` | 96 KiB | vertices of each path, and which are in the list |
+//! | `paths` | 96 KiB | vertices of each path, and how many come before |
+//! | `order` | 1.7 MiB | key and slot of each vertex, twice for the sort |
+//! | `starts` | 416 KiB | where in the list each vertex of the order begins |
 //! | `brick_counts` | 2 KiB | vertices in each brick of the grid |
 //! | `vpls` | 48 KiB | the list: position, normal, flux |
 //! | `header` | 80 B | where each of the sixteen subsets begins, paths, bound of the geometry term |
@@ -19,7 +21,8 @@
 //! Points come from an Owen-scrambled Sobol' sequence computed where it is needed, not from a texture. The paper prints the
 //! polar angle of a reflected path as sqrt(cos x); it is acos(sqrt(1 - x)). Paths end by roulette on the albedo, so that
 //! all vertices carry about the same flux, and at a greatest length. Eight times as many paths are traced as there are lights in
-//! the list, which takes more of their vertices where they are rare: see `vpl/list.wgsl`.
+//! the list; their vertices are sorted by facing and along a Hilbert curve and cut into runs, one light each: see
+//! `vpl/list.wgsl`.
 
 mod passes;
 mod pipelines;
@@ -33,6 +36,7 @@ use crate::avg::prepare_grid;
 use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
+use crate::sort::init_sort_pipelines;
 
 pub(crate) use prepare::VplBuffers;
 
@@ -50,7 +54,7 @@ impl Plugin for VplPlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         configure_stages(render_app);
         render_app
-            .add_systems(RenderStartup, pipelines::init_pipelines)
+            .add_systems(RenderStartup, (init_sort_pipelines, pipelines::init_pipelines))
             .add_systems(Render, prepare::prepare_vpls.in_set(GiSystems::Prepare).after(prepare_grid))
             .add_systems(RenderGraph, passes::trace_vpls.in_set(GiSystems::VplTrace));
     }

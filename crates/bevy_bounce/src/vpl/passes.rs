@@ -1,9 +1,10 @@
-//! Emitters, paths, list.
+//! Emitters, paths, order, list.
 
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::RenderContext;
+use bevy_bounce_shaders::types::{HILBERT_BITS, VplParameters};
 
 use super::pipelines::VplPipelines;
 use super::prepare::VplBuffers;
@@ -11,20 +12,27 @@ use crate::avg::{VoxelGrid, bind_grid};
 use crate::compute::{folded, whole};
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
+use crate::sort::SortPipelines;
 
-/// Threads of a workgroup of the path tracer.
+/// Bits of the key that vertices are sorted by: facing, place on a Hilbert curve.
+const VERTEX_KEY_BITS: u32 = 3 + 3 * HILBERT_BITS;
+
+/// Threads of a workgroup, a path or a light each.
 const GROUP: u32 = 64;
 
 pub(super) fn trace_vpls(
     settings: Res<GiWorldSettings>,
     pipelines: Option<Res<VplPipelines>>,
+    sort: Option<Res<SortPipelines>>,
     buffers: Option<Res<VplBuffers>>,
     grid: Option<Res<VoxelGrid>>,
     scene: Option<Res<SceneBuffers>>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (Some(_), Some(p), Some(vpl), Some(grid), Some(scene)) = (settings.0, pipelines, buffers, grid, scene) else {
+    let (Some(_), Some(p), Some(sort), Some(vpl), Some(grid), Some(scene)) =
+        (settings.0, pipelines, sort, buffers, grid, scene)
+    else {
         return;
     };
     let (Some(scene_uniform), Some(parameters)) = (scene.uniform(), vpl.parameters.binding()) else { return };
@@ -60,6 +68,18 @@ pub(super) fn trace_vpls(
             whole(&vpl.brick_counts),
         ],
     );
+    let order = p.scan_paths.bind(
+        &device,
+        &cache,
+        &[
+            parameters.clone(),
+            grid_uniform.clone(),
+            whole(&vpl.vertices),
+            whole(&vpl.paths),
+            whole(&vpl.vertex_count),
+            whole(vpl.order.pairs()),
+        ],
+    );
     let list = p.build_list.bind(
         &device,
         &cache,
@@ -67,9 +87,11 @@ pub(super) fn trace_vpls(
             parameters,
             grid_uniform,
             whole(&vpl.vertices),
-            whole(&vpl.paths),
+            whole(&vpl.vertex_count),
+            whole(vpl.order.sorted(VERTEX_KEY_BITS)),
             whole(&vpl.brick_counts),
             whole(&grid.counters),
+            whole(&vpl.starts),
             whole(&vpl.header),
             whole(&vpl.vpls),
         ],
@@ -82,9 +104,14 @@ pub(super) fn trace_vpls(
     let chunks = folded(scene.emissive_chunk_count());
     p.collect_emitters.dispatch(encoder, &cache, &[&emitters], chunks);
     p.accumulate_emitters.dispatch(encoder, &cache, &[&emitters], chunks.min(UVec3::ONE));
-    let paths = UVec3::new(vpl.parameters().path_count.div_ceil(GROUP), 1, 1);
+    let VplParameters { path_count, capacity, .. } = vpl.parameters();
+    let groups = |threads: u32| UVec3::new(threads.div_ceil(GROUP), 1, 1);
     encoder.clear_buffer(&vpl.brick_counts, 0, None);
-    p.trace_paths.dispatch(encoder, &cache, &[&trace, &grid_group], paths);
-    p.build_list.dispatch(encoder, &cache, &[&list], UVec3::ONE);
+    p.trace_paths.dispatch(encoder, &cache, &[&trace, &grid_group], groups(path_count));
+    p.scan_paths.dispatch(encoder, &cache, &[&order], UVec3::ONE);
+    p.write_pairs.dispatch(encoder, &cache, &[&order], groups(path_count));
+    sort.sort(&device, encoder, &cache, &vpl.order, &vpl.vertex_count, VERTEX_KEY_BITS);
+    p.scan_weights.dispatch(encoder, &cache, &[&list], UVec3::ONE);
+    p.build_list.dispatch(encoder, &cache, &[&list], groups(capacity));
     span.end(encoder);
 }

@@ -15,6 +15,9 @@ pub(super) struct VplPipelines {
     pub collect_emitters: Kernel,
     pub accumulate_emitters: Kernel,
     pub trace_paths: Kernel,
+    pub scan_paths: Kernel,
+    pub write_pairs: Kernel,
+    pub scan_weights: Kernel,
     pub build_list: Kernel,
 }
 
@@ -29,12 +32,17 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let emitters = [read, read, read, read, read, write, uniform];
     // Parameters, scene; lights, emitters; vertices, paths, brick counts.
     let trace = [uniform, uniform, read, read, write, write, write];
-    // Parameters, grid; vertices, paths, brick counts, counters; header, list.
-    let list = [uniform, uniform, read, write, read, read, write, write];
+    // Parameters, grid; vertices; paths, vertex count, pairs.
+    let order = [uniform, uniform, read, write, write, write];
+    // Parameters, grid; vertices, vertex count, pairs, brick counts, counters; starts, header, list.
+    let list = [uniform, uniform, read, read, read, read, read, write, write, write];
     commands.insert_resource(VplPipelines {
         collect_emitters: kernel("vpl/emitters.wgsl", "collect", &emitters, &[]),
         accumulate_emitters: kernel("vpl/emitters.wgsl", "accumulate", &emitters, &[]),
         trace_paths: kernel("vpl/trace.wgsl", "trace_paths", &trace, &[grid_layout()]),
+        scan_paths: kernel("vpl/order.wgsl", "scan_paths", &order, &[]),
+        write_pairs: kernel("vpl/order.wgsl", "write_pairs", &order, &[]),
+        scan_weights: kernel("vpl/list.wgsl", "scan_weights", &list, &[]),
         build_list: kernel("vpl/list.wgsl", "build_list", &list, &[]),
     });
 }

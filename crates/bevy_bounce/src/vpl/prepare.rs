@@ -8,6 +8,7 @@ use bevy_bounce_shaders::types::{CHUNK_TRIANGLES, Emitter, Path, Vpl, VplHeader,
 use crate::avg::VoxelGrid;
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
+use crate::sort::SortBuffers;
 
 /// Paths traced for each virtual light there is room for. At a mean albedo a, a path has a / (1 - a) vertices: this many give
 /// the list a choice of nineteen at an albedo of 0.7, and fill it down to an albedo of a ninth.
@@ -20,8 +21,14 @@ pub(crate) struct VplBuffers {
     pub parameters: UniformBuffer<VplParameters>,
     /// Where paths were reflected.
     pub vertices: Buffer,
-    /// Vertices of each path, and which of them are in the list.
+    /// Vertices of each path.
     pub paths: Buffer,
+    /// Vertices of all paths: one word.
+    pub vertex_count: Buffer,
+    /// Vertices in the order they are cut into lights.
+    pub order: SortBuffers,
+    /// Where in the list each vertex of the order begins.
+    pub starts: Buffer,
     /// Vertices in each brick of the grid.
     pub brick_counts: Buffer,
     /// The list.
@@ -40,6 +47,9 @@ impl VplBuffers {
             parameters: UniformBuffer::from(parameters),
             vertices: storage(device, "bounce_path_vertices", slots * u64::from(Vpl::min_size())),
             paths: storage(device, "bounce_paths", paths * u64::from(Path::min_size())),
+            vertex_count: storage(device, "bounce_path_vertex_count", 4),
+            order: SortBuffers::new(device, slots as u32),
+            starts: storage(device, "bounce_vpl_starts", slots * 4),
             brick_counts: storage(device, "bounce_path_bricks", 4),
             vpls: storage(device, "bounce_vpls", u64::from(parameters.capacity) * u64::from(Vpl::min_size())),
             header: storage(device, "bounce_vpl_header", u64::from(VplHeader::min_size())),
@@ -56,6 +66,7 @@ impl VplBuffers {
     pub fn bytes(&self) -> Vec<(&'static str, u64)> {
         vec![
             ("vpl: paths", self.vertices.size() + self.paths.size() + self.brick_counts.size()),
+            ("vpl: order", self.order.bytes() + self.starts.size() + self.vertex_count.size()),
             ("vpl: list", self.vpls.size() + self.header.size()),
             ("vpl: emitters", self.emitters.size()),
         ]
@@ -88,7 +99,12 @@ pub(super) fn prepare_vpls(
     let limit = device.limits().max_storage_buffer_binding_size;
     let path_bytes = u64::from(settings.bounces + 1) * u64::from(Vpl::min_size());
     let path_count = u64::from(settings.vpls * PATHS_PER_VPL).min(limit / path_bytes) as u32;
-    let parameters = VplParameters { capacity: settings.vpls, path_count, max_bounces: settings.bounces, padding: 0 };
+    let parameters = VplParameters {
+        capacity: settings.vpls,
+        path_count,
+        max_bounces: settings.bounces,
+        bound_scale: settings.bound,
+    };
     let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
     let brick_bytes = grid.map_or(0, |grid| grid.brick_count() * 4);
     let prepare = |buffers: &mut VplBuffers| {

@@ -1,0 +1,187 @@
+//! What casts shadows into the maps of virtual lights: triangles of chosen levels of detail, or points spread over all surfaces.
+//! Chosen anew where instances or settings change; both follow their triangles as these move.
+
+use bevy::prelude::*;
+use bevy_bounce_shaders::types::{CHUNK_TRIANGLES, OccluderChunk, POINT_SUBSETS, SurfacePoint};
+
+use super::instances::Instances;
+use super::lods::{Candidate, choose};
+use super::meshes::Meshes;
+use super::table::GpuTable;
+use crate::VplVisibility;
+use crate::settings::{GiSettings, GiWorldSettings};
+
+/// See the module.
+#[derive(Resource)]
+pub(super) struct Occluders {
+    /// Of the triangles that cast.
+    pub chunks: GpuTable<OccluderChunk>,
+    /// How far they are from the surfaces, world units.
+    pub error: f32,
+    /// Points that cast, in the order of the surfaces.
+    pub points: GpuTable<SurfacePoint>,
+    /// Of a point, for a light that takes its share of them; square world units.
+    pub point_area: f32,
+    made_for: Option<(u32, VplVisibility, u32, u32)>,
+}
+
+impl Default for Occluders {
+    fn default() -> Self {
+        Self {
+            chunks: GpuTable::new("bounce_occluder_chunks"),
+            error: 0.0,
+            points: GpuTable::new("bounce_surface_points"),
+            point_area: 0.0,
+            made_for: None,
+        }
+    }
+}
+
+impl Occluders {
+    /// The device the buffers were made on is gone.
+    pub fn lose_buffers(&mut self) {
+        self.chunks.lose_buffer();
+        self.points.lose_buffer();
+    }
+}
+
+/// An instance that casts.
+struct Caster<'a> {
+    slot: u32,
+    /// First index of the whole mesh.
+    index_offset: u32,
+    candidate: Candidate<'a>,
+    /// Running sum of its triangles' areas, square local units.
+    areas: &'a [f32],
+}
+
+impl Caster<'_> {
+    /// Square world units.
+    fn area(&self) -> f64 {
+        f64::from(self.areas.last().copied().unwrap_or(0.0)) * f64::from(self.candidate.scale).powi(2)
+    }
+}
+
+pub(super) fn choose_occluders(
+    mut occluders: ResMut<Occluders>,
+    instances: Res<Instances>,
+    meshes: Res<Meshes>,
+    settings: Res<GiWorldSettings>,
+) {
+    let Some(settings) = settings.0 else { return };
+    let wanted = Some((instances.generation(), settings.visibility, settings.occluders(), settings.tile));
+    if occluders.made_for == wanted {
+        return;
+    }
+    occluders.made_for = wanted;
+    let casters: Vec<Caster> = instances
+        .present()
+        .filter_map(|(slot, mesh, bounds)| {
+            let mesh = meshes.get(mesh)?;
+            let size = (bounds.max - bounds.min).max_element();
+            let scale = size / (mesh.bounds.max - mesh.bounds.min).max_element().max(f32::MIN_POSITIVE);
+            let candidate = Candidate { lods: &mesh.lods, scale, size };
+            Some(Caster { slot, index_offset: mesh.index_offset, candidate, areas: &mesh.areas })
+        })
+        .collect();
+    let triangles = settings.visibility == VplVisibility::Atlas;
+    let (chunks, error) = if triangles { chunks(&casters, settings.occluders()) } else { (Vec::new(), 0.0) };
+    occluders.chunks.replace(chunks.into_iter());
+    occluders.error = error;
+    let count = if settings.visibility == VplVisibility::Ism { point_count(&settings) } else { 0 };
+    occluders.points.replace(spread(&casters, count));
+    let area: f64 = casters.iter().map(Caster::area).sum();
+    occluders.point_area = (area / f64::from((count / POINT_SUBSETS).max(1))) as f32;
+}
+
+/// Points for all lights: each takes four a texel of its map.
+fn point_count(settings: &GiSettings) -> u32 {
+    4 * settings.tile * settings.tile * POINT_SUBSETS
+}
+
+/// Chunks of the triangles that cast, and their error in world units.
+fn chunks(casters: &[Caster], budget: u32) -> (Vec<OccluderChunk>, f32) {
+    let candidates: Vec<&Candidate> = casters.iter().map(|caster| &caster.candidate).collect();
+    let mut chunks = Vec::new();
+    let mut first_occluder = 0;
+    let choice = choose(&candidates, budget);
+    for (caster, level) in casters.iter().zip(choice.levels) {
+        let Some(lod) = level.map(|level| caster.candidate.lods[level]) else { continue };
+        for first in (0..lod.triangle_count).step_by(CHUNK_TRIANGLES as usize) {
+            let triangle_count = (lod.triangle_count - first).min(CHUNK_TRIANGLES);
+            let first_index = lod.index_offset + first * 3;
+            chunks.push(OccluderChunk { instance: caster.slot, first_index, first_occluder, triangle_count });
+            first_occluder += triangle_count;
+        }
+    }
+    (chunks, choice.error)
+}
+
+/// `count` points at equal steps of area, surface by surface.
+fn spread<'a>(casters: &'a [Caster], count: u32) -> impl Iterator<Item = SurfacePoint> + 'a {
+    let total: f64 = casters.iter().map(Caster::area).sum();
+    let mut caster = 0;
+    let mut before = 0.0;
+    (0..count).filter_map(move |index| {
+        let place = (f64::from(index) + 0.5) / f64::from(count) * total;
+        while place - before > casters.get(caster)?.area() && caster + 1 < casters.len() {
+            before += casters[caster].area();
+            caster += 1;
+        }
+        let c = &casters[caster];
+        let local = ((place - before) / f64::from(c.candidate.scale).powi(2)) as f32;
+        let triangle = c.areas.partition_point(|sum| *sum <= local).min(c.areas.len().checked_sub(1)?);
+        let first_index = c.index_offset + 3 * triangle as u32;
+        Some(SurfacePoint { instance: c.slot, first_index, barycentric: barycentric(index) })
+    })
+}
+
+/// A point of a triangle, even over consecutive indices. Roberts 2018, the R2 sequence, and Heitz 2019, "A Low-Distortion Map
+/// Between Triangle and Square".
+fn barycentric(index: u32) -> u32 {
+    let fraction = |step: f64| ((f64::from(index) + 0.5) * step).fract();
+    let (u, v) = (fraction(0.754_877_666_246_692_8), fraction(0.569_840_290_998_053_2));
+    let (b, c) = if u < v { (u / 2.0, v - u / 2.0) } else { (u - v / 2.0, v / 2.0) };
+    (b * 65535.0) as u32 | ((c * 65535.0) as u32) << 16
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::lods::Lod;
+
+    #[test]
+    fn points_are_spread_by_area() {
+        let lods = [Lod::default()];
+        let caster = |slot, index_offset, scale, areas| {
+            let candidate = Candidate { lods: &lods, scale, size: 1.0 };
+            Caster { slot, index_offset, candidate, areas }
+        };
+        // World areas: 1, 3; nothing; 4, 0, 8.
+        let casters =
+            [caster(5, 0, 1.0, &[1.0, 4.0][..]), caster(6, 100, 1.0, &[]), caster(9, 200, 2.0, &[1.0, 1.0, 3.0])];
+        let count = |instance, first_index| {
+            spread(&casters, 1600).filter(|p| p.instance == instance && p.first_index == first_index).count()
+        };
+        let found = [count(5, 0), count(5, 3), count(9, 200), count(9, 203), count(9, 206)];
+        for (found, expected) in found.iter().zip([100, 300, 400, 0, 800]) {
+            assert!(found.abs_diff(expected) <= 1, "{found} points, expected {expected}");
+        }
+        assert_eq!(spread(&casters, 1600).count(), 1600);
+        assert_eq!(spread(&[], 16).count(), 0);
+        assert_eq!(spread(&casters[1..2], 16).count(), 0);
+    }
+
+    #[test]
+    fn points_fill_the_triangle() {
+        let mut mean = [0.0; 2];
+        for index in 0..4096 {
+            let word = barycentric(index);
+            let (b, c) = (f64::from(word & 0xffff) / 65535.0, f64::from(word >> 16) / 65535.0);
+            assert!(b + c <= 1.0 + 1e-4);
+            mean[0] += b / 4096.0;
+            mean[1] += c / 4096.0;
+        }
+        assert!(mean.iter().all(|m| (m - 1.0 / 3.0).abs() < 2e-3), "{mean:?}");
+    }
+}

@@ -1,0 +1,60 @@
+//! What virtual point lights see: a shadow map each. Keller 1997; Bashford-Rogers et al. 2012, III-C.
+//!
+//! # Data
+//!
+//! | buffer | bytes at 1024 lights, tiles of 32 x 32 | holds |
+//! |---|---|---|
+//! | `atlas` | 4 MiB | light by light: depth (unorm16 of the scene's diagonal) and normal over its hemisphere |
+//! | `occluders` | 48 B a triangle, 192 KiB at most | triangles that cast, in the world |
+//!
+//! A tile maps the hemisphere to a square by the half octahedron, without waste. Each texel is tested against the planes through
+//! the light and a triangle's edges, so that large triangles stay straight. A point is hidden where it lies behind the plane of
+//! the surface that its texel shows: however coarse texels are, neither planes nor corners shadow themselves.
+//!
+//! Imperfect shadow maps (Ritschel et al. 2008) fill the same tiles from points spread over the surfaces.
+//!
+//! # Cost
+//!
+//! Work grows with lights times triangles, which is bounded: large meshes cast by a coarser version, made when the mesh is
+//! loaded. Where these would be more than a quarter of a voxel off their surfaces, no maps are drawn, and lights see by rays
+//! through the grid.
+//!
+//! # Where it differs from the paper
+//!
+//! The paper draws a paraboloid for each light, and ordinary shadow maps where large triangles would bend in it.
+
+mod passes;
+mod pipelines;
+mod prepare;
+
+use bevy::prelude::*;
+use bevy::render::renderer::RenderGraph;
+use bevy::render::{Render, RenderApp, RenderStartup};
+
+use crate::avg::prepare_grid;
+use crate::camera::device_is_adequate;
+use crate::compute::load_shaders;
+use crate::plugins::{GiSystems, configure_stages};
+
+pub(crate) use pipelines::{atlas_layout, bind_atlas};
+pub(crate) use prepare::ShadowAtlas;
+
+/// Draws the shadow maps of virtual point lights; see the [module](self).
+pub struct ShadowAtlasPlugin;
+
+impl Plugin for ShadowAtlasPlugin {
+    fn build(&self, _app: &mut App) {}
+
+    fn finish(&self, app: &mut App) {
+        if !device_is_adequate(app) {
+            return;
+        }
+        load_shaders(app);
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        configure_stages(render_app);
+        render_app
+            .add_systems(RenderStartup, pipelines::init_pipelines)
+            .add_systems(Render, prepare::prepare_atlas.in_set(GiSystems::Prepare).after(prepare_grid))
+            .add_systems(RenderGraph, passes::draw_atlas.in_set(GiSystems::ShadowAtlas));
+    }
+}

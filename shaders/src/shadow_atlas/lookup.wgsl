@@ -1,0 +1,32 @@
+// Whether a virtual light sees a point, by its tile.
+//
+// Cost: about 60 operations and one load.
+
+#define_import_path bevy_bounce::shadow_atlas::lookup
+
+#import bevy_bounce::shadow_atlas::tile::{
+    AtlasParameters, TILE_EMPTY, DEPTH_STEPS, tile_frame, to_tile, from_tile, tile_words, texel_depth, texel_normal,
+}
+#import bevy_bounce::vpl::types::Vpl
+
+@group(1) @binding(0) var<uniform> parameters: AtlasParameters;
+@group(1) @binding(1) var<storage, read> atlas: array<u32>;
+
+/// Distance behind the plane for which a point still counts as on it, as a share of its distance from where the texel was
+/// sampled: the error of a normal of 16 bits, and some curvature.
+const SLACK: f32 = 0.03;
+/// Steps of depth, for rounding.
+const ROUNDING: f32 = 2.0;
+
+/// A point is hidden where it lies behind the surface that its texel shows, taken as a plane. What is on that surface, or on one
+/// that meets it in a corner, is not, however coarse the texel: no bias is needed but for rounding.
+fn atlas_visible(light: u32, vpl: Vpl, position: vec3<f32>) -> bool {
+    let to_surface = (position - vpl.position) * tile_frame(vpl.normal);
+    let edge = f32(parameters.tile);
+    let texel = min(vec2<u32>(to_tile(to_surface) * edge), vec2<u32>(parameters.tile - 1u));
+    let word = atlas[light * tile_words(parameters) + texel.y * parameters.tile + texel.x];
+    let direction = normalize(from_tile((vec2<f32>(texel) + 0.5) / edge));
+    let off = to_surface - direction * texel_depth(word, parameters.far);
+    let bias = SLACK * length(off) + ROUNDING / DEPTH_STEPS * parameters.far;
+    return word == TILE_EMPTY || dot(texel_normal(word), off) >= -bias;
+}

@@ -1,0 +1,66 @@
+// A light's tile: the nearest surface in each direction of the hemisphere that it lights.
+//
+// The hemisphere is mapped to a square by the half octahedron (Engelhardt & Dachsbacher 2008; Cigolle et al. 2014): on each of
+// its four faces, planes through the light are straight lines. A word a texel, row by row: depth along the texel's direction,
+// unorm16 of the far distance, in the upper half; octahedral normal in the light's frame, 2 snorm8, in the lower.
+
+#define_import_path bevy_bounce::shadow_atlas::tile
+
+#import bevy_bounce::shared::octahedral::{unit_to_octahedral, octahedral_to_unit}
+#import bevy_bounce::shared::sampling::any_tangent
+
+/// Texel where nothing is.
+const TILE_EMPTY: u32 = 0xffffffffu;
+/// Steps of depth.
+const DEPTH_STEPS: f32 = 65535.0;
+
+struct AtlasParameters {
+    // Edge of a tile, texels.
+    tile: u32,
+    // Triangles in the list of occluders.
+    occluder_count: u32,
+    // Distance of depth 1, world units.
+    far: f32,
+    // Of a point, where maps are made from points: square world units.
+    point_area: f32,
+}
+
+/// Columns: tangent, bitangent, normal.
+fn tile_frame(normal: vec3<f32>) -> mat3x3<f32> {
+    let tangent = any_tangent(normal);
+    return mat3x3<f32>(tangent, cross(normal, tangent), normal);
+}
+
+/// Place in [0, 1]^2 of a direction in the frame, of any length, z >= 0.
+fn to_tile(direction: vec3<f32>) -> vec2<f32> {
+    let p = direction.xy / max(abs(direction.x) + abs(direction.y) + max(direction.z, 0.0), 1e-30);
+    return vec2<f32>(p.x + p.y, p.x - p.y) * 0.5 + 0.5;
+}
+
+/// The point of the half octahedron |x| + |y| + z = 1 there.
+fn from_tile(place: vec2<f32>) -> vec3<f32> {
+    let w = place * 2.0 - 1.0;
+    return vec3<f32>(w.x + w.y, w.x - w.y, 2.0 - 2.0 * max(abs(w.x), abs(w.y))) * 0.5;
+}
+
+/// Words of a tile.
+fn tile_words(parameters: AtlasParameters) -> u32 {
+    return parameters.tile * parameters.tile;
+}
+
+/// A surface at a depth in world units; of two, the lower word is the nearer.
+fn pack_texel(depth: f32, normal: vec3<f32>, far: f32) -> u32 {
+    let steps = u32(clamp(depth / far, 0.0, 1.0) * (DEPTH_STEPS - 1.0));
+    let octahedral = vec2<i32>(round(clamp(unit_to_octahedral(normal), vec2<f32>(-1.0), vec2<f32>(1.0)) * 127.0));
+    return (steps << 16u) | (u32(octahedral.x & 0xff) << 8u) | u32(octahedral.y & 0xff);
+}
+
+/// World units.
+fn texel_depth(texel: u32, far: f32) -> f32 {
+    return (f32(texel >> 16u) + 0.5) / (DEPTH_STEPS - 1.0) * far;
+}
+
+fn texel_normal(texel: u32) -> vec3<f32> {
+    let octahedral = vec2<i32>(i32(texel << 16u) >> 24u, i32(texel << 24u) >> 24u);
+    return octahedral_to_unit(vec2<f32>(octahedral) / 127.0);
+}

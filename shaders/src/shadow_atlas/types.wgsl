@@ -1,0 +1,45 @@
+// What casts shadows.
+
+#define_import_path bevy_bounce::shadow_atlas::types
+
+/// Casts from both sides.
+const OCCLUDER_TWO_SIDED: u32 = 1u;
+
+// World space, counter-clockwise as seen from the side that casts; all corners the same where there is nothing.
+struct Occluder {
+    a: vec3<f32>,
+    flags: u32,
+    b: vec3<f32>,
+    padding_b: u32,
+    c: vec3<f32>,
+    padding_c: u32,
+}
+
+// Up to 64 triangles of one mesh.
+struct OccluderChunk {
+    instance: u32,
+    // Word of the geometry buffer.
+    first_index: u32,
+    first_occluder: u32,
+    triangle_count: u32,
+}
+
+/// Points are in the order of the surfaces; a light takes one of this many subsets, each spread over all of them.
+const POINT_SUBSETS: u32 = 16u;
+/// Normal of a point that casts nothing.
+const POINT_NONE: u32 = 0x80008000u;
+
+// A point of a surface, wherever that goes.
+struct SurfacePoint {
+    instance: u32,
+    // Word of the geometry buffer.
+    first_index: u32,
+    // Weights of the second and third corner, 2 unorm16.
+    barycentric: u32,
+}
+
+struct WorldPoint {
+    position: vec3<f32>,
+    // Octahedral, 2 snorm16; lowest bit: both sides cast.
+    normal: u32,
+}

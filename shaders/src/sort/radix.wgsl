@@ -1,0 +1,103 @@
+// Stable sort of pairs by their key, eight bits a pass: count, scan, scatter. Satish et al. 2009, "Designing Efficient Sorting
+// Algorithms for Manycore GPUs".
+//
+// Cost of a pass: a pair is read twice and written once; its rank within 256 takes up to 255 reads of workgroup memory.
+
+struct Digit {
+    // Lowest of its eight bits.
+    shift: u32,
+}
+
+@group(0) @binding(0) var<uniform> digit: Digit;
+// Pairs, in the first word.
+@group(0) @binding(1) var<storage, read> pair_count: array<u32>;
+// Key, value.
+@group(0) @binding(2) var<storage, read> unsorted: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read_write> sorted: array<vec2<u32>>;
+// Digit by digit, block by block: pairs; after the scan, where they go.
+@group(0) @binding(4) var<storage, read_write> counts: array<u32>;
+
+const DIGITS: u32 = 256u;
+/// Pairs a workgroup takes.
+const SORT_BLOCK: u32 = 1024u;
+
+var<workgroup> tally: array<atomic<u32>, DIGITS>;
+var<workgroup> scratch: array<u32, DIGITS>;
+
+fn block_count() -> u32 {
+    return (pair_count[0] + SORT_BLOCK - 1u) / SORT_BLOCK;
+}
+
+fn digit_of(pair: vec2<u32>) -> u32 {
+    return (pair.x >> digit.shift) & (DIGITS - 1u);
+}
+
+@compute @workgroup_size(256)
+fn count_digits(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let blocks = block_count();
+    if group.x >= blocks {
+        return;
+    }
+    let end = min((group.x + 1u) * SORT_BLOCK, pair_count[0]);
+    for (var i = group.x * SORT_BLOCK + lane; i < end; i += DIGITS) {
+        atomicAdd(&tally[digit_of(unsorted[i])], 1u);
+    }
+    workgroupBarrier();
+    counts[lane * blocks + group.x] = atomicLoad(&tally[lane]);
+}
+
+@compute @workgroup_size(256)
+fn scan_digits(@builtin(local_invocation_index) lane: u32) {
+    let blocks = block_count();
+    var sum = 0u;
+    for (var block = 0u; block < blocks; block++) {
+        sum += counts[lane * blocks + block];
+    }
+    scratch[lane] = sum;
+    workgroupBarrier();
+    for (var step = 1u; step < DIGITS; step <<= 1u) {
+        let lower = select(0u, scratch[max(lane, step) - step], lane >= step);
+        workgroupBarrier();
+        scratch[lane] += lower;
+        workgroupBarrier();
+    }
+    var place = scratch[lane] - sum;
+    for (var block = 0u; block < blocks; block++) {
+        let count = counts[lane * blocks + block];
+        counts[lane * blocks + block] = place;
+        place += count;
+    }
+}
+
+@compute @workgroup_size(256)
+fn scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let blocks = block_count();
+    if group.x >= blocks {
+        return;
+    }
+    atomicStore(&tally[lane], counts[lane * blocks + group.x]);
+    for (var first = group.x * SORT_BLOCK; first < (group.x + 1u) * SORT_BLOCK; first += DIGITS) {
+        let i = first + lane;
+        let is_pair = i < pair_count[0];
+        var pair = vec2<u32>(0u);
+        var own = DIGITS;
+        if is_pair {
+            pair = unsorted[i];
+            own = digit_of(pair);
+        }
+        scratch[lane] = own;
+        workgroupBarrier();
+        var rank = 0u;
+        for (var j = 0u; j < lane; j++) {
+            rank += select(0u, 1u, scratch[j] == own);
+        }
+        if is_pair {
+            sorted[atomicLoad(&tally[own]) + rank] = pair;
+        }
+        workgroupBarrier();
+        if is_pair {
+            atomicAdd(&tally[own], 1u);
+        }
+        workgroupBarrier();
+    }
+}

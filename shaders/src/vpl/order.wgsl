@@ -1,0 +1,66 @@
+// Vertices of the paths, in an order in which neighbours are neighbours in space and look the same way: by facing, then along
+// a Hilbert curve. Here the keys; the sort is `sort/radix.wgsl`.
+//
+// Cost: a vertex is read once; one workgroup adds up the lengths of the paths.
+
+#import bevy_bounce::shared::grid::{Grid, facing_of}
+#import bevy_bounce::shared::hilbert::{hilbert_index, HILBERT_BITS}
+#import bevy_bounce::vpl::types::{Vpl, Path, VplParameters, vertex_slot}
+
+@group(0) @binding(0) var<uniform> parameters: VplParameters;
+@group(0) @binding(1) var<uniform> grid: Grid;
+@group(0) @binding(2) var<storage, read> vertices: array<Vpl>;
+@group(0) @binding(3) var<storage, read_write> paths: array<Path>;
+// Vertices of all paths, in the first word.
+@group(0) @binding(4) var<storage, read_write> vertex_count: array<u32>;
+// Key, slot of the vertex.
+@group(0) @binding(5) var<storage, read_write> pairs: array<vec2<u32>>;
+
+const GROUP: u32 = 256u;
+
+var<workgroup> scratch: array<u32, GROUP>;
+
+@compute @workgroup_size(256)
+fn scan_paths(@builtin(local_invocation_index) lane: u32) {
+    let chunk = (parameters.path_count + GROUP - 1u) / GROUP;
+    let end = min((lane + 1u) * chunk, parameters.path_count);
+    var sum = 0u;
+    for (var path = lane * chunk; path < end; path++) {
+        sum += paths[path].length;
+    }
+    scratch[lane] = sum;
+    workgroupBarrier();
+    for (var step = 1u; step < GROUP; step <<= 1u) {
+        let lower = select(0u, scratch[max(lane, step) - step], lane >= step);
+        workgroupBarrier();
+        scratch[lane] += lower;
+        workgroupBarrier();
+    }
+    var first = scratch[lane] - sum;
+    for (var path = lane * chunk; path < end; path++) {
+        paths[path].first = first;
+        first += paths[path].length;
+    }
+    if lane == GROUP - 1u {
+        vertex_count[0] = first;
+    }
+}
+
+fn key(vpl: Vpl) -> u32 {
+    let edge = f32(max(grid.dims.x, max(grid.dims.y, grid.dims.z))) * grid.voxel_size;
+    let cells = f32(1u << HILBERT_BITS);
+    let cell = clamp((vpl.position - grid.origin) / edge * cells, vec3<f32>(0.0), vec3<f32>(cells - 1.0));
+    return (facing_of(vpl.normal) << (3u * HILBERT_BITS)) | hilbert_index(vec3<u32>(cell));
+}
+
+@compute @workgroup_size(64)
+fn write_pairs(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= parameters.path_count {
+        return;
+    }
+    let path = paths[id.x];
+    for (var i = 0u; i < path.length; i++) {
+        let slot = vertex_slot(parameters, id.x, i);
+        pairs[path.first + i] = vec2<u32>(key(vertices[slot]), slot);
+    }
+}

@@ -1,0 +1,183 @@
+//! What virtual lights see, against exact rays.
+
+use bevy::math::{Affine3A, EulerRot, Quat, Vec2, Vec3};
+use bevy_bounce_shaders::types::{
+    AtlasParameters, CHUNK_TRIANGLES, Grid, Occluder, OccluderChunk, TILE_EMPTY, Vpl, VplHeader,
+};
+use bevy_bounce_tests::compose::compose_source;
+use bevy_bounce_tests::gpu::{Resources, gpu};
+use bevy_bounce_tests::scene::{TestScene, cuboid, run};
+use bevy_bounce_tests::twins::random::Random;
+
+const TILE: u32 = 32;
+const LIGHTS: usize = 96;
+const VOXEL: f32 = 0.1;
+
+/// A room with a turned box and two small ones: walls, contacts, silhouettes.
+fn scene() -> TestScene {
+    let mut scene = TestScene::new(Vec3::splat(0.5));
+    scene.room(Vec3::new(-2.0, 0.0, -1.5), Vec3::new(2.0, 2.5, 1.5));
+    let turn =
+        Affine3A::from_rotation_translation(Quat::from_euler(EulerRot::XYZ, 0.3, 0.7, 0.1), Vec3::new(-0.6, 0.9, 0.2));
+    scene.mesh(&cuboid(Vec3::splat(-0.4), Vec3::splat(0.4)), 0, 0, turn);
+    scene.soup(&cuboid(Vec3::new(0.5, 0.0, -0.5), Vec3::new(1.1, 0.8, 0.3)));
+    scene.soup(&cuboid(Vec3::new(0.6, 0.8, -0.4), Vec3::new(0.7, 1.0, -0.3)));
+    scene
+}
+
+/// Points on the surfaces, by area, with their normals.
+fn surface_points(scene: &TestScene, random: &mut Random, count: usize) -> Vec<(Vec3, Vec3)> {
+    let area = |t: &[Vec3; 3]| (t[1] - t[0]).cross(t[2] - t[0]).length();
+    let total: f32 = scene.triangles.iter().map(area).sum();
+    let point = |random: &mut Random| {
+        let mut pick = random.unit() * total;
+        let found = scene.triangles.iter().find(|t| {
+            pick -= area(t);
+            pick < 0.0
+        });
+        let [a, b, c] = *found.unwrap_or(&scene.triangles[0]);
+        let (u, v) = (random.unit(), random.unit());
+        let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+        (a + (b - a) * u + (c - a) * v, (b - a).cross(c - a).normalize())
+    };
+    (0..count).map(|_| point(random)).collect()
+}
+
+/// Lights of the normals given, a little off their surfaces, and their maps.
+fn draw(scene: &TestScene, lights: &[(Vec3, Vec3)], random: &mut Random) -> Resources {
+    let mut chunks = Vec::new();
+    let mut first_occluder = 0;
+    for (instance, data) in (0..).zip(&scene.instances) {
+        for first in (0..data.triangle_count).step_by(CHUNK_TRIANGLES as usize) {
+            let triangle_count = (data.triangle_count - first).min(CHUNK_TRIANGLES);
+            let first_index = data.index_offset + 3 * first;
+            chunks.push(OccluderChunk { instance, first_index, first_occluder, triangle_count });
+            first_occluder += triangle_count;
+        }
+    }
+    let (low, high) = scene.bounds();
+    let parameters =
+        AtlasParameters { tile: TILE, occluder_count: first_occluder, far: (high - low).length(), point_area: 0.0 };
+    let vpls: Vec<Vpl> = lights
+        .iter()
+        .map(|&(position, normal)| Vpl {
+            position: position + normal * (random.unit() - 0.5) * 0.5 * VOXEL,
+            normal,
+            ..Vpl::default()
+        })
+        .collect();
+    let header = VplHeader { count: vpls.len() as u32, ..VplHeader::default() };
+    let resources = scene
+        .resources(gpu())
+        .uniform("parameters", &parameters)
+        .uniform("grid", &Grid { voxel_size: VOXEL, ..scene.grid(VOXEL) })
+        .structs("occluder_chunks", &chunks)
+        .structs("occluders", &vec![Occluder::default(); first_occluder as usize])
+        .structs("header", &[header])
+        .structs("vpls", &vpls)
+        .zeroed("atlas", vpls.len() * (TILE * TILE) as usize);
+    run(gpu(), "shadow_atlas/occluders.wgsl", "place_occluders", &resources, [chunks.len() as u32, 1, 1]);
+    run(gpu(), "shadow_atlas/rasterize.wgsl", "rasterize", &resources, [vpls.len() as u32, 1, 1]);
+    resources
+}
+
+/// Distance to the front of the nearest triangle beyond `least`.
+fn nearest(scene: &TestScene, origin: Vec3, direction: Vec3, least: f32) -> Option<f32> {
+    let hits = scene.triangles.iter().filter_map(|t| crate::paths::intersect(t, origin, direction));
+    hits.filter(|t| *t > least).min_by(f32::total_cmp)
+}
+
+/// Twins of `shadow_atlas/tile.wgsl`.
+fn from_tile(place: Vec2) -> Vec3 {
+    let w = place * 2.0 - 1.0;
+    Vec3::new(w.x + w.y, w.x - w.y, 2.0 - 2.0 * w.abs().max_element()) * 0.5
+}
+
+fn tile_frame(n: Vec3) -> [Vec3; 3] {
+    let s = if n.z >= 0.0 { 1.0 } else { -1.0 };
+    let a = -1.0 / (s + n.z);
+    let tangent = Vec3::new(1.0 + s * n.x * n.x * a, s * n.x * n.y * a, -s * n.x);
+    [tangent, n.cross(tangent), n]
+}
+
+#[test]
+fn every_texel_holds_the_distance_of_a_ray() {
+    let (scene, mut random) = (scene(), Random::new(3));
+    let lights = surface_points(&scene, &mut random, LIGHTS);
+    let resources = draw(&scene, &lights, &mut random);
+    let vpls: Vec<Vpl> = resources.read_structs("vpls").expect("reads back");
+    let words = resources.read_words("atlas").expect("reads back");
+    let (low, high) = scene.bounds();
+    let far = (high - low).length();
+    let mut wrong = 0;
+    for (light, vpl) in vpls.iter().enumerate() {
+        let off = (vpl.position - lights[light].0).length();
+        assert!(off < 1e-4, "light {light} is {off} off its surface");
+        let [x, y, z] = tile_frame(vpl.normal);
+        for texel in 0..TILE * TILE {
+            let place = (Vec2::new((texel % TILE) as f32, (texel / TILE) as f32) + 0.5) / TILE as f32;
+            let d = from_tile(place);
+            let direction = (x * d.x + y * d.y + z * d.z).normalize();
+            let word = words[light * (TILE * TILE) as usize + texel as usize];
+            let exact = nearest(&scene, vpl.position, direction, 1e-4);
+            let agree = match exact {
+                Some(distance) => (((word >> 16) as f32 - distance / far * 65535.0).abs()) < 3.0,
+                None => word == TILE_EMPTY,
+            };
+            wrong += usize::from(!agree);
+        }
+    }
+    let texels = LIGHTS * (TILE * TILE) as usize;
+    assert!(wrong * 2000 < texels, "{wrong} of {texels} texels hold another distance than the ray's");
+}
+
+#[test]
+fn maps_agree_with_exact_rays() {
+    const LOOK: &str = "
+        #import bevy_bounce::shadow_atlas::lookup::atlas_visible
+        #import bevy_bounce::vpl::types::Vpl
+        @group(0) @binding(0) var<storage, read> vpls: array<Vpl>;
+        @group(0) @binding(1) var<storage, read> points: array<vec4<f32>>;
+        @group(0) @binding(2) var<storage, read_write> seen: array<u32>;
+        @compute @workgroup_size(64)
+        fn look(@builtin(global_invocation_id) id: vec3<u32>) {
+            if id.x >= arrayLength(&seen) {
+                return;
+            }
+            let light = u32(points[id.x].w);
+            seen[id.x] = u32(atlas_visible(light, vpls[light], points[id.x].xyz));
+        }";
+    let (scene, mut random) = (scene(), Random::new(5));
+    let lights = surface_points(&scene, &mut random, LIGHTS);
+    let resources = draw(&scene, &lights, &mut random);
+    let points = surface_points(&scene, &mut random, 20_000);
+    let pairs: Vec<(usize, Vec3)> = points
+        .into_iter()
+        .enumerate()
+        .filter(|&(i, (position, normal))| {
+            let (from, facing) = lights[i % LIGHTS];
+            let to = (position - from).normalize();
+            to.dot(facing) > 0.0 && to.dot(normal) < 0.0
+        })
+        .map(|(i, (position, _))| (i % LIGHTS, position))
+        .collect();
+    let packed: Vec<f32> = pairs.iter().flat_map(|(light, p)| [p.x, p.y, p.z, *light as f32]).collect();
+    let resources = resources.floats("points", &packed).zeroed("seen", pairs.len());
+    let kernel = gpu().kernel(&compose_source(LOOK, "look.wgsl", &[]).expect("composes"), "look");
+    let groups = pairs.len().div_ceil(64) as u32;
+    gpu().dispatch(&kernel.expect("the device takes it"), &resources, [groups, 1, 1]).expect("runs");
+    let seen = resources.read_words("seen").expect("reads back");
+    let (mut agree, mut lit, mut both) = (0, 0, 0);
+    for ((light, position), seen) in pairs.iter().zip(seen) {
+        let from = lights[*light].0 + lights[*light].1 * 1e-4;
+        let to = *position - from;
+        let exact = nearest(&scene, from, to.normalize(), 1e-4).is_none_or(|t| t > to.length() - 1e-3);
+        agree += usize::from(exact == (seen != 0));
+        lit += usize::from(exact);
+        both += usize::from(exact && seen != 0);
+    }
+    let share = |count: usize, of: usize| count as f64 / of as f64;
+    println!("{} pairs: {:.4} agree, {:.4} of the lit are", pairs.len(), share(agree, pairs.len()), share(both, lit));
+    assert!(lit * 3 > pairs.len() && lit * 20 < pairs.len() * 19, "{lit} of {} pairs are lit", pairs.len());
+    assert!(share(agree, pairs.len()) >= 0.97, "{agree} of {} pairs agree", pairs.len());
+}
