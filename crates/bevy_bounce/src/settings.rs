@@ -62,7 +62,8 @@ pub struct GiSettings {
     /// it grow with its square, and contact shadows become sharper in proportion.
     pub tile: u32,
     /// Scale of the bound of the geometry term, which by itself follows from the number of lights and the area of the scene:
-    /// 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches.
+    /// 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches. `ssbc`
+    /// gives back what a low one takes, as far as the camera sees it, at a cost that grows with the inverse root or so.
     pub bound: f32,
     /// Compensation of what the bounded geometry term takes from corners.
     pub ssbc: SsbcSettings,
