@@ -46,6 +46,9 @@ pub struct Options {
     /// What a virtual light can see, over the quality's
     #[arg(long, value_enum)]
     pub visibility: Option<VisibilityOption>,
+    /// Scale of the bound of the geometry term, over the quality's
+    #[arg(long, value_name = "X")]
+    pub bound: Option<f32>,
     /// Iterations of screen-space bias compensation, over the quality's; 0 is off
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=8))]
     pub ssbc: Option<u32>,

@@ -1,5 +1,5 @@
 //! Measures the frame: what each stage costs beside plain Bevy, what the plugins hold on the GPU, and how voxelisation
-//! grows with the triangles. Drives the viewer in release, one run for each row.
+//! grows with the triangles. Drives the viewer, in release unless told otherwise, one run for each row.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -19,10 +19,11 @@ usage: cargo xtask bench [OPTIONS]
   --scene NAME|FILE     `cornell`, `sponza`, another of the shared scenes, or a glTF file; repeatable
   --size WxH            repeatable; 320x180 and 640x360
   --vpls N              virtual lights; repeatable; 256, 1024 and 4096
-  --visibility V        none or voxel; repeatable; both
+  --visibility V        none, voxel, ism or atlas; repeatable; all
   --frames N            frames a run; 30
   --part P              frames, ssbc, memory or growth; repeatable; all
   --quick               one small run of each part, to see that they work
+  --dev                 the viewer as the demo and the tests build it: dependencies optimised, our crates a little
   --json FILE           also write what was measured
 ";
 
@@ -43,13 +44,14 @@ struct Options {
     parts: Vec<String>,
     growth: Vec<u32>,
     json: Option<PathBuf>,
+    dev: bool,
 }
 
 impl Options {
     /// `None` where the usage was asked for.
     fn parse(args: &[String], has_sponza: bool) -> Result<Option<Self>> {
         let [mut scenes, mut sizes, mut vpls, mut visibilities, mut parts] = [const { Vec::<String>::new() }; 5];
-        let (mut frames, mut json, mut quick) = (None, None, false);
+        let (mut frames, mut json, mut quick, mut dev) = (None, None, false, false);
         let mut args = args.iter();
         while let Some(arg) = args.next() {
             let mut value = || args.next().cloned().ok_or(format!("bench: `{arg}` needs a value"));
@@ -62,6 +64,7 @@ impl Options {
                 "--frames" => frames = Some(value()?),
                 "--json" => json = Some(PathBuf::from(value()?)),
                 "--quick" => quick = true,
+                "--dev" => dev = true,
                 "--help" | "-h" => return Ok(None),
                 _ => return Err(format!("bench: no option `{arg}`").into()),
             }
@@ -82,11 +85,12 @@ impl Options {
             scenes: or(scenes, all_scenes, &["cornell"]),
             sizes: or(sizes, &["320x180", "640x360"], &["320x180"]),
             vpls: or(vpls, &["256", "1024", "4096"], &["256"]).iter().map(number).collect::<Result<_>>()?,
-            visibilities: or(visibilities, &["none", "voxel"], &["none", "voxel"]),
+            visibilities: or(visibilities, &["none", "voxel", "ism", "atlas"], &["none", "atlas"]),
             frames: frames.as_ref().map_or(Ok(if quick { 5 } else { 30 }), number)?,
             parts: or(parts, &PARTS, &PARTS),
             growth: if quick { vec![1_000, 10_000] } else { vec![1_000, 10_000, 100_000, 1_000_000] },
             json,
+            dev,
         }))
     }
 
@@ -143,7 +147,7 @@ pub fn bench(args: &[String]) -> Result<()> {
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let jobs = jobs(&options, &folder)?;
     setup()?;
-    let viewer = build_example("viewer", true)?;
+    let viewer = build_example("viewer", !options.dev)?;
     let mut report = Report::default();
     for (i, job) in jobs.iter().enumerate() {
         let file = folder.join(format!("{i}.json"));

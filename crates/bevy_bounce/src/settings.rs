@@ -61,8 +61,9 @@ pub struct GiSettings {
     /// Edge of a virtual light's shadow map, texels: 8 to 48, a multiple of four. Four bytes a texel and light; memory and the cost of filling
     /// it grow with its square, and contact shadows become sharper in proportion.
     pub tile: u32,
-    /// Scale of the bound of the geometry term, which by itself follows from the number of lights and the area of the scene:
-    /// 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches.
+    /// Scale of the bound of the geometry term, which by itself is that of two surfaces at the distance between lights (their
+    /// number over the scene's area): 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches. `ssbc`
+    /// gives back what a low one takes, as far as the camera sees it, at a cost that grows with the inverse root or so.
     pub bound: f32,
     /// Compensation of what the bounded geometry term takes from corners.
     pub ssbc: SsbcSettings,

@@ -100,19 +100,19 @@ fn spawn(mut build: Builder) {
     build.place(statue(), Transform::from_xyz(0.0, 0.0, -0.2), &stone).insert(Name::new("statue"));
     build.commands.spawn((
         SpotLight {
-            intensity: 9000.0 * 4.0 * PI,
+            intensity: 20_000.0 * 4.0 * PI,
             range: 100.0,
-            inner_angle: 0.5,
-            outer_angle: 0.65,
+            inner_angle: 0.45,
+            outer_angle: 0.6,
             shadow_maps_enabled: true,
             ..default()
         },
-        Transform::from_xyz(1.5, 1.0, 0.9).looking_to(Vec3::Y, Vec3::Z),
+        Transform::from_xyz(0.0, 0.8, 1.5).looking_to(Vec3::Y, Vec3::Z),
     ));
     build.commands.spawn((
         Camera3d::default(),
         GlobalIllumination::default(),
-        Exposure { ev100: 7.5 },
+        Exposure { ev100: 6.8 },
         Projection::Perspective(PerspectiveProjection { fov: CornellBox::FIELD_OF_VIEW, ..default() }),
         Transform::from_translation(CornellBox::EYE),
     ));

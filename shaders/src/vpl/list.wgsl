@@ -11,7 +11,7 @@
 // Cost: one workgroup adds up the weights, three loads a vertex; then a thread a light, three loads a vertex.
 
 #import bevy_bounce::shared::grid::{Grid, COUNTER_AREA}
-#import bevy_bounce::shared::sampling::{sample_square, PI}
+#import bevy_bounce::shared::sampling::sample_square
 #import bevy_bounce::vpl::types::{Vpl, VplParameters, VplHeader, SUBSETS, luminance}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
@@ -65,12 +65,11 @@ fn vertex_weight(index: u32) -> f32 {
     return pow(f32(max(brick_counts[vertices[pairs[index].y].brick], 1u)), -1.0 / 3.0);
 }
 
-// Largest geometry term: a light stands for its share of the surfaces, and lights nothing more than if that filled a whole
-// hemisphere, which is pi over the share. Half of all facings are taken to look into the dark, as the far sides of walls do, and
-// are not counted: an assumption, not a measurement of the scene.
+// Largest geometry term: that of two surfaces which face each other at the distance between lights, the root of the area of all
+// facings over their number.
 fn geometry_bound(count: u32) -> f32 {
     let area = f32(counters[COUNTER_AREA]) / 256.0 * grid.voxel_size * grid.voxel_size;
-    return parameters.bound_scale * 2.0 * PI * f32(count) / max(area, 1e-12);
+    return parameters.bound_scale * f32(count) / max(area, 1e-12);
 }
 
 fn write_header(count: u32) {

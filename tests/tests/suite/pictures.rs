@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bevy::camera::Exposure;
 use bevy::prelude::*;
-use bevy_bounce::{GiLight, GiSettings, GlobalIllumination, SsbcSettings, Technique, VoxelizedMesh, VplVisibility};
+use bevy_bounce::{GiLight, GiSettings, GlobalIllumination, Technique, VoxelizedMesh, VplVisibility};
 use bevy_bounce_examples::scenes::{AnimalPlugin, Builder, CornellPlugin, Walls};
 use bevy_bounce_tests::metrics::{Bounds, Metrics, compare};
 use bevy_bounce_tests::picture::Picture;
@@ -54,7 +54,6 @@ fn frames_are_the_same_to_the_byte_and_follow_every_change() {
         ("vpls", GiSettings { vpls: 512, ..SMALL }),
         ("bounces", GiSettings { bounces: 2, ..SMALL }),
         ("visibility", GiSettings { visibility: VplVisibility::None, ..SMALL }),
-        ("ssbc", GiSettings { ssbc: SsbcSettings::default(), ..SMALL }),
     ];
     for (name, settings) in changed {
         stage.light_by(illumination(settings));

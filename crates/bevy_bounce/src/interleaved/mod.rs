@@ -4,9 +4,8 @@
 //! Two compute passes: `shade` writes the irradiance of one subset into `interleaved`, `filter` the mean of each pixel's 4x4
 //! window, edges left out, into `indirect` (textures of the view).
 //!
-//! The geometry term is bounded by pi N / A, for N lights and A half the square metres of all facings: a light stands
-//! for A / N of it, which lights nothing more than if it filled a whole hemisphere. What this takes from corners is left to
-//! bias compensation.
+//! The geometry term is bounded by N / A, for N lights and the A square world units of all facings: no light counts for more
+//! than at the distance between lights. What this takes from corners is left to bias compensation.
 
 mod passes;
 mod pipelines;
