@@ -52,9 +52,6 @@ pub struct Options {
     /// Iterations of screen-space bias compensation, over the quality's; 0 is off
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=8))]
     pub ssbc: Option<u32>,
-    /// Scale of the bound of the geometry term
-    #[arg(long, value_name = "SCALE")]
-    pub bound: Option<f32>,
     /// Pixels at which it is integrated
     #[arg(long, value_enum)]
     pub ssbc_resolution: Option<ResolutionOption>,

@@ -5,7 +5,7 @@
 //!
 //! | buffer | bytes at 1024 lights, 12 bounces | holds |
 //! |---|---|---|
-//! | `vertices` | 4.9 MiB | path by path, where it was reflected |
+//! | `vertices` | 4.9 MiB, in the sums of the voxel grid where these are as large | path by path, where it was reflected |
 //! | `paths` | 96 KiB | vertices of each path, and how many come before |
 //! | `order` | 1.7 MiB | key and slot of each vertex, twice for the sort |
 //! | `starts` | 416 KiB | where in the list each vertex of the order begins |

@@ -63,7 +63,7 @@ pub(super) fn trace_vpls(
             scene_uniform,
             whole(&scene.lights),
             whole(&vpl.emitters),
-            whole(&vpl.vertices),
+            whole(vpl.vertices(&grid)),
             whole(&vpl.paths),
             whole(&vpl.brick_counts),
         ],
@@ -74,7 +74,7 @@ pub(super) fn trace_vpls(
         &[
             parameters.clone(),
             grid_uniform.clone(),
-            whole(&vpl.vertices),
+            whole(vpl.vertices(&grid)),
             whole(&vpl.paths),
             whole(&vpl.vertex_count),
             whole(vpl.order.pairs()),
@@ -86,7 +86,7 @@ pub(super) fn trace_vpls(
         &[
             parameters,
             grid_uniform,
-            whole(&vpl.vertices),
+            whole(vpl.vertices(&grid)),
             whole(&vpl.vertex_count),
             whole(vpl.order.sorted(VERTEX_KEY_BITS)),
             whole(&vpl.brick_counts),

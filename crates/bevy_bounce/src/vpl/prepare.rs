@@ -10,8 +10,8 @@ use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::sort::SortBuffers;
 
-/// Paths traced for each virtual light there is room for. At a mean albedo a, a path has a / (1 - a) vertices: this many give
-/// the list a choice of nineteen at an albedo of 0.7, and fill it down to an albedo of a ninth.
+/// Paths traced for each virtual light there is room for. At a mean albedo a, a path has a / (1 - a) vertices: each light carries
+/// the mean of nineteen at an albedo of 0.7, and the list is full down to an albedo of a ninth.
 const PATHS_PER_VPL: u32 = 8;
 
 /// Virtual lights on the GPU.
@@ -19,8 +19,8 @@ const PATHS_PER_VPL: u32 = 8;
 pub(crate) struct VplBuffers {
     /// Sizes.
     pub parameters: UniformBuffer<VplParameters>,
-    /// Where paths were reflected.
-    pub vertices: Buffer,
+    vertices: Option<Buffer>,
+    vertex_bytes: u64,
     /// Vertices of each path.
     pub paths: Buffer,
     /// Vertices of all paths: one word.
@@ -45,7 +45,8 @@ impl VplBuffers {
         let slots = paths * u64::from(parameters.max_bounces + 1);
         Self {
             parameters: UniformBuffer::from(parameters),
-            vertices: storage(device, "bounce_path_vertices", slots * u64::from(Vpl::min_size())),
+            vertices: None,
+            vertex_bytes: slots * u64::from(Vpl::min_size()),
             paths: storage(device, "bounce_paths", paths * u64::from(Path::min_size())),
             vertex_count: storage(device, "bounce_path_vertex_count", 4),
             order: SortBuffers::new(device, slots as u32),
@@ -57,6 +58,11 @@ impl VplBuffers {
         }
     }
 
+    /// Where paths were reflected: in the sums of the voxel grid, which are done with by then, where these are large enough.
+    pub fn vertices<'a>(&'a self, grid: &'a VoxelGrid) -> &'a Buffer {
+        self.vertices.as_ref().unwrap_or(&grid.sums)
+    }
+
     /// Sizes of the path tracer.
     pub fn parameters(&self) -> VplParameters {
         *self.parameters.get()
@@ -65,7 +71,12 @@ impl VplBuffers {
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> Vec<(&'static str, u64)> {
         vec![
-            ("vpl: paths", self.vertices.size() + self.paths.size() + self.brick_counts.size()),
+            (
+                "vpl: paths",
+                self.vertices.as_ref().map_or(0, |vertices| vertices.size())
+                    + self.paths.size()
+                    + self.brick_counts.size(),
+            ),
             ("vpl: order", self.order.bytes() + self.starts.size() + self.vertex_count.size()),
             ("vpl: list", self.vpls.size() + self.header.size()),
             ("vpl: emitters", self.emitters.size()),
@@ -106,13 +117,19 @@ pub(super) fn prepare_vpls(
         bound_scale: settings.bound,
     };
     let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
-    let brick_bytes = grid.map_or(0, |grid| grid.brick_count() * 4);
+    let brick_bytes = grid.as_ref().map_or(0, |grid| grid.brick_count() * 4);
+    let shared_bytes = grid.as_ref().map_or(0, |grid| grid.sums.size());
     let prepare = |buffers: &mut VplBuffers| {
         if buffers.emitters.size() < needed {
             buffers.emitters = storage(&device, "bounce_emitters", needed.next_power_of_two().min(limit).max(needed));
         }
         if buffers.brick_counts.size() < brick_bytes {
             buffers.brick_counts = storage(&device, "bounce_path_bricks", brick_bytes);
+        }
+        if buffers.vertex_bytes <= shared_bytes {
+            buffers.vertices = None;
+        } else if buffers.vertices.is_none() {
+            buffers.vertices = Some(storage(&device, "bounce_path_vertices", buffers.vertex_bytes));
         }
         if buffers.parameters.buffer().is_none() {
             buffers.parameters.write_buffer(&device, &queue);
