@@ -1,0 +1,81 @@
+//! The first two surfaces along each ray of a packet.
+
+/// Side of a packet in pixels.
+pub const PACKET: usize = 8;
+
+/// `a + b u + c v` over a packet's pixels.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Plane {
+    /// Value at the middle of the face.
+    pub a: f32,
+    /// Change along u.
+    pub b: f32,
+    /// Change along v.
+    pub c: f32,
+}
+
+impl Plane {
+    /// Value at (u, v).
+    #[inline]
+    pub fn at(self, u: f32, v: f32) -> f32 {
+        self.a + self.c * v + self.b * u
+    }
+
+    /// The plane times a factor.
+    #[inline]
+    pub fn scaled(self, factor: f32) -> Self {
+        Self { a: self.a * factor, b: self.b * factor, c: self.c * factor }
+    }
+}
+
+/// The two nearest surfaces of each ray as *nearness*: a quantity that grows towards the eye, is linear in the image of a
+/// plane, and is 0 for nothing. For a perspective it is the inverse of depth, for a parallel projection the depth counted
+/// from the back.
+#[derive(Clone)]
+pub struct Layers {
+    /// Of the first surface.
+    pub first: [[f32; PACKET]; PACKET],
+    /// Of the second.
+    pub second: [[f32; PACKET]; PACKET],
+    /// Rays on which two surfaces were closer than `merge`.
+    pub close: u32,
+    /// Two surfaces closer than `merge.0 + merge.1 * nearness^2` are one.
+    merge: (f32, f32),
+}
+
+impl Layers {
+    /// Nothing met yet.
+    pub fn new(merge: (f32, f32)) -> Self {
+        let nothing = [[0.0; PACKET]; PACKET];
+        Self { first: nothing, second: nothing, close: 0, merge }
+    }
+
+    /// Adds a triangle: it covers the pixels where all `edges` are positive or zero and `nearness` is positive.
+    #[inline]
+    pub fn add(&mut self, us: &[f32; PACKET], vs: &[f32; PACKET], edges: &[Plane; 3], nearness: Plane) {
+        let [e0, e1, e2] = *edges;
+        let mut close = [0u32; PACKET];
+        for ((first, second), v) in self.first.iter_mut().zip(&mut self.second).zip(vs) {
+            let [r0, r1, r2, rn] = [e0, e1, e2, nearness].map(|plane| plane.a + plane.c * v);
+            for x in 0..PACKET {
+                let u = us[x];
+                let least = (r0 + e0.b * u).min(r1 + e1.b * u).min(r2 + e2.b * u);
+                let near = rn + nearness.b * u;
+                let near = if least >= 0.0 { near.max(0.0) } else { 0.0 };
+                let (old, old_second) = (first[x], second[x]);
+                let merged = (near - old).abs() <= self.merge.0 + self.merge.1 * old * old;
+                let behind = near.min(old).max(old_second);
+                second[x] = if merged { old_second } else { behind };
+                first[x] = near.max(old);
+                close[x] += u32::from(merged & (near > 0.0) & (old > 0.0));
+            }
+        }
+        self.close += close.iter().sum::<u32>();
+    }
+
+    /// The least nearness of any second surface: what is farther than that, adds nothing.
+    #[inline]
+    pub fn horizon(&self) -> f32 {
+        self.second.as_flattened().iter().fold(f32::INFINITY, |a, &b| a.min(b))
+    }
+}
