@@ -46,6 +46,10 @@ pub enum SectionId {
     CsmDirectory = 6,
     /// Blocks of the maps from outside.
     CsmBlocks = 7,
+    /// Records of [`Parts`](crate::Parts).
+    Parts = 8,
+    /// Atlas coordinates of the parts' triangles.
+    Corners = 9,
 }
 
 impl SectionId {
@@ -59,6 +63,8 @@ impl SectionId {
             Self::Blocks => "blocks",
             Self::CsmDirectory => "csm directory",
             Self::CsmBlocks => "csm blocks",
+            Self::Parts => "parts",
+            Self::Corners => "corners",
         }
     }
 

@@ -1,7 +1,7 @@
 //! Blocks and the directory that finds them.
 
 use crate::CssmError;
-use crate::block::{BlockCode, ROWS, check, decode};
+use crate::block::{BlockCode, check, decode};
 
 /// A directory word with this bit holds the block's only code, one without it the block's first word.
 const CONSTANT: u32 = 1 << 31;
@@ -43,8 +43,6 @@ impl Maps {
         Ok(())
     }
 
-    /// How many pixels a block's directory covers.
-    pub const GROUP: usize = ROWS;
 }
 
 /// Puts encoded blocks together.

@@ -15,10 +15,16 @@ use glam::{Vec2, Vec3};
 pub struct Part {
     /// Name of the mesh and number of the primitive, for messages.
     pub name: String,
+    /// Numbers of node, mesh and primitive in the source.
+    pub numbers: [u32; 3],
     /// Positions in world units.
     pub positions: Vec<Vec3>,
     /// Three indices a triangle, counter-clockwise from the front.
     pub triangles: Vec<[u32; 3]>,
+    /// Number of each in the source, where those without area count too.
+    pub source_triangles: Vec<u32>,
+    /// Triangles in the source.
+    pub source_count: u32,
     /// First UV set, for the colour texture.
     pub uv0: Option<Vec<Vec2>>,
     /// Second UV set, for the atlas.

@@ -22,7 +22,9 @@ impl Scene {
             for primitive in mesh.primitives() {
                 let name = format!("mesh {} ({}), primitive {}", mesh.index(), mesh.name().or(node.name()).unwrap_or("-"), primitive.index());
                 let part = read_part(&primitive, transform, &buffers, name.clone());
-                parts.extend(part.map_err(|problem| wrong(format!("{name}: {problem}")))?);
+                let part = part.map_err(|problem| wrong(format!("{name}: {problem}")))?;
+                let numbers = [node.index(), mesh.index(), primitive.index()].map(|number| number as u32);
+                parts.extend(part.map(|part| Part { numbers, ..part }));
             }
         }
         if parts.iter().all(|part| part.triangles.is_empty()) {
@@ -110,7 +112,9 @@ fn read_part(primitive: &gltf::Primitive, transform: Mat4, buffers: &[Vec<u8>], 
         let [a, b, c] = corners.map(|index| positions[index as usize]);
         (b - a).cross(c - a).length_squared()
     };
-    triangles.retain(|corners| area(corners) > 0.0);
+    let source_count = triangles.len() as u32;
+    let solid = (0..source_count).zip(triangles).filter(|(_, corners)| area(corners) > 0.0);
+    let (source_triangles, triangles): (Vec<u32>, Vec<[u32; 3]>) = solid.unzip();
     let uv = |set| -> Option<Vec<Vec2>> {
         let uv: Vec<Vec2> = reader.read_tex_coords(set)?.into_f32().map(Vec2::from).collect();
         (uv.len() == positions.len() && uv.iter().all(|uv| uv.is_finite())).then_some(uv)
@@ -120,5 +124,5 @@ fn read_part(primitive: &gltf::Primitive, transform: Mat4, buffers: &[Vec<u8>], 
     let colors = colors.filter(|colors| colors.len() == positions.len());
     let (uv0, uv1) = (uv(0), uv(1));
     let material = primitive.material().index().unwrap_or(usize::MAX);
-    Ok(Some(Part { name, triangles, uv0, uv1, colors, material, positions }))
+    Ok(Some(Part { name, triangles, source_triangles, source_count, uv0, uv1, colors, material, positions, ..Part::default() }))
 }
