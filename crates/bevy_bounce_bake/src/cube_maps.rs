@@ -14,6 +14,9 @@ use crate::rays::{Bvh, CubeTile, Layers, PACKET, cast};
 const BATCH: usize = 64;
 /// Surfaces closer than this many quanta are one. No code lies between them for certain.
 const MERGE: f32 = 1.0;
+/// Values keep clear of the surfaces in this much of their pixel, so that what lies on a slanted surface off the pixel's
+/// centre is not taken to lie behind it.
+const GUARD: f32 = 1.0;
 /// Groups of rows a packet.
 const GROUPS: usize = PACKET * PACKET / ROWS;
 
@@ -94,7 +97,7 @@ impl Worker {
                         let mut tile = CubeTile::new(face, x, y, side);
                         tile.origin = map.center;
                         if tile.leaves(map.normal) {
-                            let mut layers = Layers::new((0.0, MERGE * quantizer.quantum));
+                            let mut layers = Layers::new((0.0, MERGE * quantizer.quantum), GUARD / side as f32);
                             cast(bvh, &tile, &mut layers, &mut self.stack);
                             stats.rays += store(&tile, &layers, map.normal, quantizer, lane, &mut rays);
                             stats.close += u64::from(layers.close);
@@ -118,8 +121,14 @@ fn store(tile: &CubeTile, layers: &Layers, normal: Vec3, quantizer: Quantizer, l
     let mut count = 0;
     for (y, v) in vs.iter().enumerate() {
         for (x, u) in us.iter().enumerate() {
-            let (first, second) = (1.0 / layers.first[y][x], 1.0 / layers.second[y][x]);
-            let codes = quantizer.interval(first, second, OpenEnd::Unbounded);
+            let (first, second) = (layers.first[y][x], layers.second[y][x]);
+            let farther = (first - layers.first_reach[y][x]).max(0.0);
+            let nearer = second + layers.second_reach[y][x];
+            let codes = quantizer.guarded_interval(
+                [1.0 / first, 1.0 / farther],
+                [1.0 / second, 1.0 / nearer],
+                OpenEnd::Unbounded,
+            );
             let ahead = front.at(*u, *v) > 0.0;
             let codes = if ahead { codes } else { Interval::ANY };
             count += u64::from(ahead);

@@ -56,7 +56,7 @@ fn encode_block(
                 let frame = csm::frame(csm::direction(*cell, GRID)).map(Vec3::from);
                 let back = sphere.center + frame[2] * sphere.radius;
                 let tile = OrthoTile::new(frame, back, sphere.radius, [x, y], side);
-                let mut layers = Layers::new((quantizer.quantum, 0.0));
+                let mut layers = Layers::new((quantizer.quantum, 0.0), sphere.radius / SIDE as f32);
                 cast(bvh, &tile, &mut layers, &mut stack);
                 store(&layers, 2.0 * sphere.radius, quantizer, lane, &mut rays);
             }
@@ -69,9 +69,12 @@ fn encode_block(
 /// The codes of a packet's rays into their lane. Nearness is counted from the back plane, `far` behind the front plane.
 fn store(layers: &Layers, far: f32, quantizer: Quantizer, lane: usize, rays: &mut [BlockRays; GROUPS]) {
     let depth = |nearness: f32| if nearness > 0.0 { far - nearness } else { f32::INFINITY };
-    let pairs = layers.first.as_flattened().iter().zip(layers.second.as_flattened());
-    for (pixel, (&first, &second)) in pairs.enumerate() {
-        let codes = quantizer.interval(depth(first), depth(second), OpenEnd::Finite);
+    for pixel in 0..PACKET * PACKET {
+        let (x, y) = (pixel % PACKET, pixel / PACKET);
+        let (first, second) = (layers.first[y][x], layers.second[y][x]);
+        let first = [depth(first), depth(first - layers.first_reach[y][x])];
+        let second = [depth(second), depth(second + layers.second_reach[y][x])];
+        let codes = quantizer.guarded_interval(first, second, OpenEnd::Finite);
         rays[pixel / ROWS].set(pixel % ROWS, lane, codes);
     }
 }

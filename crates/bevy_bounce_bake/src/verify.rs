@@ -1,6 +1,6 @@
 //! How a baked file agrees with exact rays.
 
-use bevy_bounce_cssm::CssmFile;
+use bevy_bounce_cssm::{CssmFile, Filter};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
@@ -15,13 +15,18 @@ pub const BIN_ENDS: [f32; 6] = [0.25, 0.5, 0.75, 1.0, 1.5, 2.0];
 /// Rays round a disagreement at each distance: places on a circle at the receiver, and round the sender.
 const AROUND: usize = 16;
 
+/// Planes seen at a smaller angle (sine) count as seen at this one.
+const LEAST_SLOPE: f32 = 0.05;
+
 /// What verification found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Agreement {
     /// Pairs of points that were asked about.
     pub pairs: u64,
-    /// Those on which map and ray agree.
+    /// Those on which ray and maps agree, the maps filtered over texels and pixels and rounded.
     pub agreeing: u64,
+    /// Those on which ray and a single pixel of a single texel agree.
+    pub nearest: u64,
     /// Disagreements by their distance from where the exact answer changes; the last bin holds all beyond.
     pub distances: [u64; BIN_ENDS.len() + 1],
 }
@@ -35,6 +40,7 @@ impl Agreement {
     fn plus(mut self, other: Self) -> Self {
         self.pairs += other.pairs;
         self.agreeing += other.agreeing;
+        self.nearest += other.nearest;
         self.distances.iter_mut().zip(other.distances).for_each(|(a, b)| *a += b);
         self
     }
@@ -87,13 +93,16 @@ fn compare(file: &CssmFile, bvh: &Bvh, surface: &Surface, rng: &mut fastrand::Rn
         };
         let visible = exact(receiver.position, sender.position);
         sum.pairs += 1;
-        if file.visible(&texel, sender.position.to_array()) == visible {
+        let point = sender.position.to_array();
+        let share = file.visibility(&texel, (receiver.uv * size).to_array(), point, Filter::PixelsAndTexels);
+        sum.nearest += u64::from(file.visible(&texel, point) == visible);
+        if (share >= 0.5) == visible {
             sum.agreeing += 1;
         } else {
             // Angle of a pixel in the middle of a face, where pixels are largest.
             let pixel = 2.0 / file.meta.depth as f32 * way.length();
             let bin = BIN_ENDS.iter().position(|&distance| {
-                changes_within(&receiver, sender.position, distance, pixel, &|a, b| exact(a, b) != visible)
+                changes_within(&receiver, &sender, distance, pixel, &|a, b| exact(a, b) != visible)
             });
             sum.distances[bin.unwrap_or(BIN_ENDS.len())] += 1;
         }
@@ -102,9 +111,9 @@ fn compare(file: &CssmFile, bvh: &Bvh, surface: &Surface, rng: &mut fastrand::Rn
     sum
 }
 
-/// Whether the exact answer changes when the receiver moves by up to `distance` texels, the sender by as many pixels, or
-/// both.
-fn changes_within(receiver: &Sample, sender: Vec3, distance: f32, pixel: f32, changed: &dyn Fn(Vec3, Vec3) -> bool) -> bool {
+/// Whether the exact answer changes when the receiver moves by `distance` texels in its surface, the sender by as many
+/// pixels in its own, or both.
+fn changes_within(receiver: &Sample, sender: &Sample, distance: f32, pixel: f32, changed: &dyn Fn(Vec3, Vec3) -> bool) -> bool {
     let circle = |axis: Vec3, radius: f32| {
         let (across, up) = axis.any_orthonormal_pair();
         (0..AROUND).map(move |step| {
@@ -112,10 +121,14 @@ fn changes_within(receiver: &Sample, sender: Vec3, distance: f32, pixel: f32, ch
             radius * (cos * across + sin * up)
         })
     };
-    let way = (sender - receiver.position).normalize_or(receiver.normal);
+    let way = (sender.position - receiver.position).normalize_or(receiver.normal);
+    // Where the ray through another pixel meets the sender's plane. Seen edge on, a plane has no such place near.
+    let slope = way.dot(sender.normal);
+    let slope = slope.signum() * slope.abs().max(LEAST_SLOPE);
+    let onto_plane = |offset: Vec3| offset - way * (offset.dot(sender.normal) / slope);
     let from: Vec<Vec3> = circle(receiver.normal, distance * receiver.texel).chain([Vec3::ZERO]).collect();
-    let to: Vec<Vec3> = circle(way, distance * pixel).chain([Vec3::ZERO]).collect();
-    from.iter().any(|a| to.iter().any(|b| changed(receiver.position + *a, sender + *b)))
+    let to: Vec<Vec3> = circle(way, distance * pixel).map(onto_plane).chain([Vec3::ZERO]).collect();
+    from.iter().any(|a| to.iter().any(|b| changed(receiver.position + *a, sender.position + *b)))
 }
 
 impl Surface {

@@ -83,16 +83,37 @@ impl Quantizer {
         if first == f32::INFINITY {
             return Interval::EMPTY_RAY;
         }
-        let lo = round(first * self.inverse + (0.5 + GUARD)).min(u32::from(MAX_FINITE)) as u16;
-        let hi = if second == f32::INFINITY {
-            match open {
-                OpenEnd::Unbounded => UNBOUNDED,
-                OpenEnd::Finite => MAX_FINITE,
-            }
-        } else {
-            round((second * self.inverse - (0.5 + GUARD)).max(0.0)).min(u32::from(MAX_FINITE)) as u16
+        let lo = self.behind(first);
+        let hi = match (second == f32::INFINITY, open) {
+            (true, OpenEnd::Unbounded) => UNBOUNDED,
+            (true, OpenEnd::Finite) => MAX_FINITE,
+            (false, _) => self.before(second),
         };
         Interval { lo, hi: hi.max(lo) }
+    }
+
+    /// The part of [`interval`](Self::interval) that is also behind `first_far` and before `second_near`: the surfaces'
+    /// depths elsewhere in the ray's pixel. As far as that leaves a third of the interval at least.
+    #[inline]
+    pub fn guarded_interval(self, first: [f32; 2], second: [f32; 2], open: OpenEnd) -> Interval {
+        let Interval { lo, hi } = self.interval(first[0], second[0], open);
+        let third = (hi - lo) / 3;
+        // Comparisons with what is not a number are false and leave that end as it is.
+        let lo = if first[1] < f32::INFINITY { self.behind(first[1]).clamp(lo, lo + third) } else { lo + third };
+        let hi = if second[1] < f32::INFINITY { self.before(second[1]).clamp(hi - third, hi) } else { hi };
+        Interval { lo, hi }
+    }
+
+    /// The first code behind a depth.
+    #[inline]
+    fn behind(self, depth: f32) -> u16 {
+        round((depth * self.inverse + (0.5 + GUARD)).min(f32::from(MAX_FINITE))) as u16
+    }
+
+    /// The last code before a depth.
+    #[inline]
+    fn before(self, depth: f32) -> u16 {
+        round((depth * self.inverse - (0.5 + GUARD)).clamp(0.0, f32::from(MAX_FINITE))) as u16
     }
 }
 

@@ -118,6 +118,8 @@ fn run_verify(args: &VerifyArgs) -> Result<(), Failure> {
         println!("  {range:<14} {count:>9}  {:6.3} %", 100.0 * count as f64 / agreement.pairs.max(1) as f64);
         low = end.unwrap_or(low);
     }
+    let nearest = 100.0 * agreement.nearest as f64 / agreement.pairs.max(1) as f64;
+    println!("by a single pixel, without filtering: {nearest:.2} %");
     println!("agreement {:.2} %", agreement.percent());
     if agreement.percent() < args.min_agreement {
         let line = format!(

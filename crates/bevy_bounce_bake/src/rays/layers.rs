@@ -37,36 +37,48 @@ pub struct Layers {
     pub first: [[f32; PACKET]; PACKET],
     /// Of the second.
     pub second: [[f32; PACKET]; PACKET],
+    /// By how much the first surface's nearness varies between a pixel's centre and its corners.
+    pub first_reach: [[f32; PACKET]; PACKET],
+    /// The second's.
+    pub second_reach: [[f32; PACKET]; PACKET],
     /// Rays on which two surfaces were closer than `merge`.
     pub close: u32,
     /// Two surfaces closer than `merge.0 + merge.1 * nearness^2` are one.
     merge: (f32, f32),
+    /// Half the side of a pixel, in units of u and v.
+    half_pixel: f32,
 }
 
 impl Layers {
     /// Nothing met yet.
-    pub fn new(merge: (f32, f32)) -> Self {
+    pub fn new(merge: (f32, f32), half_pixel: f32) -> Self {
         let nothing = [[0.0; PACKET]; PACKET];
-        Self { first: nothing, second: nothing, close: 0, merge }
+        let [first, second, first_reach, second_reach] = [nothing; 4];
+        Self { first, second, first_reach, second_reach, close: 0, merge, half_pixel }
     }
 
     /// Adds a triangle: it covers the pixels where all `edges` are positive or zero and `nearness` is positive.
     #[inline]
     pub fn add(&mut self, us: &[f32; PACKET], vs: &[f32; PACKET], edges: &[Plane; 3], nearness: Plane) {
-        let [e0, e1, e2] = *edges;
+        let reach = (nearness.b.abs() + nearness.c.abs()) * self.half_pixel;
         let mut close = [0u32; PACKET];
-        for ((first, second), v) in self.first.iter_mut().zip(&mut self.second).zip(vs) {
-            let [r0, r1, r2, rn] = [e0, e1, e2, nearness].map(|plane| plane.a + plane.c * v);
+        for (y, v) in vs.iter().enumerate() {
+            let rows = [edges[0], edges[1], edges[2], nearness].map(|plane| (plane.a + plane.c * v, plane.b));
+            let (first, second) = (&mut self.first[y], &mut self.second[y]);
+            let (first_reach, second_reach) = (&mut self.first_reach[y], &mut self.second_reach[y]);
             for x in 0..PACKET {
-                let u = us[x];
-                let least = (r0 + e0.b * u).min(r1 + e1.b * u).min(r2 + e2.b * u);
-                let near = rn + nearness.b * u;
-                let near = if least >= 0.0 { near.max(0.0) } else { 0.0 };
+                let [e0, e1, e2, near] = rows.map(|(start, step)| start + step * us[x]);
+                let near = if e0.min(e1).min(e2) >= 0.0 { near.max(0.0) } else { 0.0 };
                 let (old, old_second) = (first[x], second[x]);
                 let merged = (near - old).abs() <= self.merge.0 + self.merge.1 * old * old;
-                let behind = near.min(old).max(old_second);
-                second[x] = if merged { old_second } else { behind };
+                let nearer = near > old;
+                let behind = near.min(old);
+                let replaces = (behind > old_second) & !merged;
+                second[x] = if replaces { behind } else { old_second };
+                second_reach[x] = if replaces & nearer { first_reach[x] } else { second_reach[x] };
+                second_reach[x] = if replaces & !nearer { reach } else { second_reach[x] };
                 first[x] = near.max(old);
+                first_reach[x] = if nearer { reach } else { first_reach[x] };
                 close[x] += u32::from(merged & (near > 0.0) & (old > 0.0));
             }
         }
