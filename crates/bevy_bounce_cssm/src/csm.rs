@@ -40,20 +40,25 @@ impl CssmFile {
     /// Without such maps nothing is blocked. In world units of the object's space.
     pub fn blocks(&self, from: [f32; 3], to: [f32; 3]) -> bool {
         let way: [f32; 3] = std::array::from_fn(|axis| to[axis] - from[axis]);
-        let Some(([_, _, start], surface)) = self.outside_depth(from, way) else { return false };
+        let center = self.meta.csm_center;
+        // Where the way is nearest to the centre: there the map's rays, which run a little askew, are off by least.
+        let along = dot(way, std::array::from_fn(|axis| center[axis] - from[axis])) / dot(way, way);
+        let nearest = std::array::from_fn(|axis| from[axis] + along * way[axis]);
+        let Some((depth, surface)) = self.outside_depth(nearest, way) else { return false };
         let length = dot(way, way).sqrt();
+        let start = depth - along * length;
         surface.is_finite() && start < surface && surface < start + length
     }
 
     /// Whether a point of the object is seen from far away by rays along `direction`, as far as its maps from outside
     /// tell. In world units of the object's space.
     pub fn seen_from_outside(&self, point: [f32; 3], direction: [f32; 3]) -> bool {
-        self.outside_depth(point, direction).is_none_or(|([_, _, depth], surface)| depth <= surface)
+        self.outside_depth(point, direction).is_none_or(|(depth, surface)| depth <= surface)
     }
 
-    /// Where a point lies in the map whose rays run most nearly along `direction` (across, up, depth), and the depth that is
-    /// stored there; infinite where the ray meets nothing. Nothing if the point is not in the map.
-    fn outside_depth(&self, point: [f32; 3], direction: [f32; 3]) -> Option<([f32; 3], f32)> {
+    /// Depth of a point in the map whose rays run most nearly along `direction`, and the depth that is stored there;
+    /// infinite where the ray meets nothing. Nothing if the point is not in the map.
+    fn outside_depth(&self, point: [f32; 3], direction: [f32; 3]) -> Option<(f32, f32)> {
         let meta = &self.meta;
         let last = meta.csm_grid.checked_sub(1)?;
         let cell = octahedral::to_square(direction)
@@ -67,7 +72,7 @@ impl CssmFile {
         let (group, row) = group_and_row(inside.then(|| pixel.map(|at| at as u32))?, meta.csm_side);
         let (_, groups) = meta.csm_shape();
         let code = self.csm.code(block * groups + group, row, lane)?;
-        Some(([x, y, depth + meta.csm_radius], Quantizer::new(meta.csm_quantum).depth(code)))
+        Some((depth + meta.csm_radius, Quantizer::new(meta.csm_quantum).depth(code)))
     }
 }
 

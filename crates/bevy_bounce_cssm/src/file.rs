@@ -121,3 +121,6 @@ impl CssmFile {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

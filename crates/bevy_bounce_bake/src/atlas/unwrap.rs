@@ -6,8 +6,8 @@ use uvunwrap::{Density, MeshInput, Options};
 use super::Charted;
 use crate::{BakeError, scene::Scene};
 
-/// Empty texels round each chart, so that charts are two apart.
-const PADDING: u32 = 1;
+/// Empty texels round each chart: charts are two apart where there is room, otherwise they may touch.
+const PADDINGS: [u32; 2] = [1, 0];
 
 /// Cuts the scene into charts and packs them into at most `size` by `size` texels, at one density.
 pub fn unwrap(scene: &Scene, size: u32) -> Result<Charted, BakeError> {
@@ -19,12 +19,19 @@ pub fn unwrap(scene: &Scene, size: u32) -> Result<Charted, BakeError> {
         .zip(&positions)
         .map(|(part, positions)| MeshInput::new(positions, part.triangles.as_flattened()))
         .collect();
-    let options =
-        Options { padding: PADDING, density: Density::Auto { page_size: size }, ..Default::default() };
-    let atlas = uvunwrap::generate(&inputs, &options).map_err(|error| too_small(size, 0, &error.to_string()))?;
-    if atlas.page_count != 1 {
-        return Err(too_small(size, atlas.chart_count, "they do not fit at any density"));
+    let mut atlas = Err(too_small(size, "its charts", "no density fits"));
+    for padding in PADDINGS {
+        let options = Options { padding, density: Density::Auto { page_size: size }, ..Default::default() };
+        atlas = match uvunwrap::generate(&inputs, &options) {
+            Ok(atlas) if atlas.page_count == 1 => Ok(atlas),
+            Ok(atlas) => Err(too_small(size, &format!("its {} charts", atlas.chart_count), "no density fits")),
+            Err(error) => Err(too_small(size, "its charts", &error.to_string())),
+        };
+        if atlas.is_ok() {
+            break;
+        }
     }
+    let atlas = atlas?;
     let page = Vec2::new(atlas.width as f32, atlas.height as f32);
     let (mut corners, mut chart) = (Vec::new(), Vec::new());
     for mesh in &atlas.meshes {
@@ -40,7 +47,6 @@ pub fn unwrap(scene: &Scene, size: u32) -> Result<Charted, BakeError> {
     Ok(Charted { size, corners, chart, charts: atlas.chart_count, from_scene: false })
 }
 
-fn too_small(size: u32, charts: u32, problem: &str) -> BakeError {
-    let charts = if charts == 0 { "its charts".to_owned() } else { format!("its {charts} charts") };
+fn too_small(size: u32, charts: &str, problem: &str) -> BakeError {
     BakeError::Atlas(format!("an atlas of {size} texels is too small for {charts} ({problem}); bake with a larger --atlas"))
 }

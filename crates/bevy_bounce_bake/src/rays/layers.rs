@@ -28,6 +28,29 @@ impl Plane {
     }
 }
 
+/// A triangle as a packet sees it.
+#[derive(Clone, Debug)]
+pub struct FlatTriangle {
+    /// Positive inside.
+    pub edges: [Plane; 3],
+    /// Of the triangle's plane.
+    pub nearness: Plane,
+    /// The rows that the triangle may reach.
+    pub rows: std::ops::Range<usize>,
+}
+
+impl FlatTriangle {
+    /// The rows of a packet whose centres lie in a range of v, and what rounding may add.
+    pub fn rows(vs: &[f32; PACKET], low: f32, high: f32) -> std::ops::Range<usize> {
+        let row = |v: f32| (v - vs[0]) * ((PACKET - 1) as f32 / (vs[PACKET - 1] - vs[0]));
+        let (first, last) = ((row(low) - ROW_SLACK).ceil().max(0.0), (row(high) + ROW_SLACK).floor() + 1.0);
+        first as usize..last.clamp(0.0, PACKET as f32) as usize
+    }
+}
+
+/// Rounding that a row's number may suffer from, in rows.
+const ROW_SLACK: f32 = 0.01;
+
 /// The two nearest surfaces of each ray as *nearness*: a quantity that grows towards the eye, is linear in the image of a
 /// plane, and is 0 for nothing. For a perspective it is the inverse of depth, for a parallel projection the depth counted
 /// from the back.
@@ -57,17 +80,19 @@ impl Layers {
         Self { first, second, first_reach, second_reach, close: 0, merge, half_pixel }
     }
 
-    /// Adds a triangle: it covers the pixels where all `edges` are positive or zero and `nearness` is positive.
+    /// Adds a triangle: it covers the pixels where all edges are positive or zero and nearness is positive.
     #[inline]
-    pub fn add(&mut self, us: &[f32; PACKET], vs: &[f32; PACKET], edges: &[Plane; 3], nearness: Plane) {
+    pub fn add(&mut self, us: &[f32; PACKET], vs: &[f32; PACKET], triangle: &FlatTriangle) {
+        let FlatTriangle { edges, nearness, rows } = triangle;
         let reach = (nearness.b.abs() + nearness.c.abs()) * self.half_pixel;
         let mut close = [0u32; PACKET];
-        for (y, v) in vs.iter().enumerate() {
-            let rows = [edges[0], edges[1], edges[2], nearness].map(|plane| (plane.a + plane.c * v, plane.b));
+        for y in rows.clone() {
+            let planes = [edges[0], edges[1], edges[2], *nearness];
+            let row = planes.map(|plane| (plane.a + plane.c * vs[y], plane.b));
             let (first, second) = (&mut self.first[y], &mut self.second[y]);
             let (first_reach, second_reach) = (&mut self.first_reach[y], &mut self.second_reach[y]);
             for x in 0..PACKET {
-                let [e0, e1, e2, near] = rows.map(|(start, step)| start + step * us[x]);
+                let [e0, e1, e2, near] = row.map(|(start, step)| start + step * us[x]);
                 let near = if e0.min(e1).min(e2) >= 0.0 { near.max(0.0) } else { 0.0 };
                 let (old, old_second) = (first[x], second[x]);
                 let merged = (near - old).abs() <= self.merge.0 + self.merge.1 * old * old;

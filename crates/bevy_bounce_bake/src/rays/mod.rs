@@ -5,5 +5,5 @@ mod layers;
 mod packet;
 
 pub use bvh::Bvh;
-pub use layers::{Layers, PACKET, Plane};
+pub use layers::{FlatTriangle, Layers, PACKET, Plane};
 pub use packet::{Beam, CubeTile, OrthoTile, cast};

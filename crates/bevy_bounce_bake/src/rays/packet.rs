@@ -6,7 +6,7 @@
 
 use glam::Vec3;
 
-use super::{Bvh, Layers, PACKET, Plane};
+use super::{Bvh, FlatTriangle, Layers, PACKET, Plane};
 
 /// Rounding that may make a node look farther than what is in it.
 const SLACK: f32 = 1.0 + 1.0e-5;
@@ -17,8 +17,8 @@ pub trait Beam {
     fn pixels(&self) -> (&[f32; PACKET], &[f32; PACKET]);
     /// The largest nearness of anything in a box; nothing if the beam misses the box.
     fn bound(&self, min: Vec3, max: Vec3) -> Option<f32>;
-    /// Edge functions, positive inside, and nearness of a triangle; nothing if all rays miss it.
-    fn triangle(&self, corners: &[Vec3; 3]) -> Option<([Plane; 3], Plane)>;
+    /// A triangle as the beam sees it; nothing if all rays miss it.
+    fn triangle(&self, corners: &[Vec3; 3]) -> Option<FlatTriangle>;
 }
 
 /// Finds the first two surfaces along each ray of the beam, in one traversal.
@@ -40,8 +40,8 @@ pub fn cast<B: Beam>(bvh: &Bvh, beam: &B, layers: &mut Layers, stack: &mut Vec<(
         let node = bvh.nodes[index as usize];
         if node.count > 0 {
             for corners in &bvh.triangles[node.first as usize..(node.first + node.count) as usize] {
-                if let Some((edges, nearness)) = beam.triangle(corners) {
-                    layers.add(us, vs, &edges, nearness);
+                if let Some(triangle) = beam.triangle(corners) {
+                    layers.add(us, vs, &triangle);
                     stale = true;
                 }
             }
@@ -111,6 +111,20 @@ impl CubeTile {
     }
 }
 
+impl CubeTile {
+    /// The rows where corners lie, or all where one is not in front.
+    #[inline]
+    fn rows(&self, corners: [Vec3; 3]) -> std::ops::Range<usize> {
+        let depths = corners.map(|corner| self.sign * corner[self.axis]);
+        if depths[0].min(depths[1]).min(depths[2]) <= 0.0 {
+            return 0..PACKET;
+        }
+        let axis = (self.axis + 2) % 3;
+        let [a, b, c] = [0, 1, 2].map(|i| corners[i][axis] / depths[i]);
+        FlatTriangle::rows(&self.vs, a.min(b).min(c), a.max(b).max(c))
+    }
+}
+
 impl Beam for CubeTile {
     fn pixels(&self) -> (&[f32; PACKET], &[f32; PACKET]) {
         (&self.us, &self.vs)
@@ -131,7 +145,7 @@ impl Beam for CubeTile {
     }
 
     #[inline]
-    fn triangle(&self, corners: &[Vec3; 3]) -> Option<([Plane; 3], Plane)> {
+    fn triangle(&self, corners: &[Vec3; 3]) -> Option<FlatTriangle> {
         let [a, b, c] = corners.map(|corner| corner - self.origin);
         let normal = (b - a).cross(c - a);
         let volume = a.dot(normal);
@@ -142,7 +156,8 @@ impl Beam for CubeTile {
         let sign = volume.signum();
         let edges = [(a, b), (b, c), (c, a)].map(|(from, to)| self.plane(from.cross(to)).scaled(sign));
         let meets = edges.iter().all(|edge| reaches(*edge, &self.us, &self.vs));
-        meets.then(|| (edges, self.plane(normal / volume)))
+        let rows = self.rows([a, b, c]);
+        (meets && !rows.is_empty()).then(|| FlatTriangle { edges, nearness: self.plane(normal / volume), rows })
     }
 }
 
@@ -182,7 +197,7 @@ impl Beam for OrthoTile {
         (!misses(u, self.u) && !misses(v, self.v)).then_some(w.1 - w.0)
     }
 
-    fn triangle(&self, corners: &[Vec3; 3]) -> Option<([Plane; 3], Plane)> {
+    fn triangle(&self, corners: &[Vec3; 3]) -> Option<FlatTriangle> {
         let flat = corners.map(|corner| {
             let offset = corner - self.back;
             self.frame.map(|axis| offset.dot(axis))
@@ -202,6 +217,8 @@ impl Beam for OrthoTile {
         // Nearness is the negative of what lies ahead of the back plane; weights of the corners are the opposite edges.
         let weight = |at: [f32; 3], edge: Plane| edge.scaled(-at[2] / area.abs());
         let [p, q, r] = [weight(flat[0], edges[1]), weight(flat[1], edges[2]), weight(flat[2], edges[0])];
-        Some((edges, Plane { a: p.a + q.a + r.a, b: p.b + q.b + r.b, c: p.c + q.c + r.c }))
+        let nearness = Plane { a: p.a + q.a + r.a, b: p.b + q.b + r.b, c: p.c + q.c + r.c };
+        let rows = FlatTriangle::rows(&self.vs, a.1.min(b.1).min(c.1), a.1.max(b.1).max(c.1));
+        (!rows.is_empty()).then_some(FlatTriangle { edges, nearness, rows })
     }
 }

@@ -27,9 +27,6 @@ impl Scene {
                 parts.extend(part.map(|part| Part { numbers, ..part }));
             }
         }
-        if parts.iter().all(|part| part.triangles.is_empty()) {
-            return Err(wrong("shows no triangle of any area: export meshes with faces".into()));
-        }
         let mut materials: Vec<Material> = Vec::new();
         for material in source.gltf.materials() {
             materials.push(Material::read(&material, source, &buffers).map_err(wrong)?);
@@ -37,7 +34,7 @@ impl Scene {
         materials.push(Material::default());
         let last = materials.len() - 1;
         parts.iter_mut().for_each(|part| part.material = part.material.min(last));
-        Ok(Self { parts, materials, source_hash: source.hash() })
+        Self { parts, materials, source_hash: source.hash() }.checked(&source.name)
     }
 }
 
@@ -86,16 +83,10 @@ fn read_part(primitive: &gltf::Primitive, transform: Mat4, buffers: &[Vec<u8>], 
         Some(positions) => positions.map(|position| transform.transform_point3(position.into())).collect(),
         None => return Err("no positions; export it anew".into()),
     };
-    if let Some(vertex) = positions.iter().position(|position| !position.is_finite()) {
-        return Err(format!("the position of vertex {vertex} is not a finite number; export it anew"));
-    }
     let indices: Vec<u32> = match reader.read_indices() {
         Some(indices) => indices.into_u32().collect(),
         None => (0..positions.len() as u32).collect(),
     };
-    if let Some(index) = indices.iter().find(|&&index| index as usize >= positions.len()) {
-        return Err(format!("index {index} is past the {} vertices; export it anew", positions.len()));
-    }
     let mut triangles: Vec<[u32; 3]> = match primitive.mode() {
         Mode::Triangles => indices.as_chunks().0.to_vec(),
         Mode::TriangleStrip => {
@@ -108,21 +99,15 @@ fn read_part(primitive: &gltf::Primitive, transform: Mat4, buffers: &[Vec<u8>], 
     if transform.determinant() < 0.0 {
         triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
     }
-    let area = |corners: &[u32; 3]| {
-        let [a, b, c] = corners.map(|index| positions[index as usize]);
-        (b - a).cross(c - a).length_squared()
-    };
-    let source_count = triangles.len() as u32;
-    let solid = (0..source_count).zip(triangles).filter(|(_, corners)| area(corners) > 0.0);
-    let (source_triangles, triangles): (Vec<u32>, Vec<[u32; 3]>) = solid.unzip();
+    let part = Part::new(name, positions, triangles)?;
     let uv = |set| -> Option<Vec<Vec2>> {
         let uv: Vec<Vec2> = reader.read_tex_coords(set)?.into_f32().map(Vec2::from).collect();
-        (uv.len() == positions.len() && uv.iter().all(|uv| uv.is_finite())).then_some(uv)
+        (uv.len() == part.positions.len() && uv.iter().all(|uv| uv.is_finite())).then_some(uv)
     };
     let colors: Option<Vec<Vec3>> =
         reader.read_colors(0).map(|colors| colors.into_rgb_f32().map(Vec3::from).collect());
-    let colors = colors.filter(|colors| colors.len() == positions.len());
+    let colors = colors.filter(|colors| colors.len() == part.positions.len());
     let (uv0, uv1) = (uv(0), uv(1));
     let material = primitive.material().index().unwrap_or(usize::MAX);
-    Ok(Some(Part { name, triangles, source_triangles, source_count, uv0, uv1, colors, material, positions, ..Part::default() }))
+    Ok(Some(Part { uv0, uv1, colors, material, ..part }))
 }
