@@ -5,22 +5,24 @@
 //!
 //! - One code for the whole block: 16 bits in the directory, nothing else.
 //! - One code for a row: the index of that code.
-//! - Several: a *record* with the codes of the row and bit planes that say which code each lane has. A row with `n` codes
-//!   has the class `c = ceil(log2 n)` and as many planes of 64 bits. Rows that are alike share a record.
+//! - Several: a *record* of one of six kinds, whichever is smallest. Up to 4, 8 or 16 runs are stored as the last lane and
+//!   the code of each. Up to 2, 8 or 64 codes are stored as such, and 1, 3 or 6 bit planes say which one each lane has.
+//!   Rows that are alike share a record.
 //!
 //! ```text
 //! word 0   bits 0..11   palette size, less one
-//!               11..29  number of records of class 1, 2 and 3, six bits each
-//!               29..32  zero
-//!      [1] bits 0..18   number of records of class 4, 5 and 6; there if bit 29 of word 0 is set
+//!               11..29  number of records with 4 runs, 8 runs and 1 plane, six bits each
+//!               29      word 1 is there
+//!     [1] bits  0..18   number of records with 16 runs, 3 planes and 6 planes, six bits each
 //! from the next word on, without gaps:
 //!     32 entries    `e` bits each: a palette index, or palette size plus number of a record
 //!     palette       16 bits each, ascending
-//!     records       by class: 2^c palette indices of `b` bits, then c planes of 64 bits, lane 0 first
+//!     records       in the order of their numbers; a palette index of `b` bits for each run or code, then
+//!                   the last lane of each run, six bits each, or planes of 64 bits, lane 0 first
 //! ```
 //!
-//! `b` is the width of a palette index, `e` the width of an entry. All places follow from the first word, so that a code
-//! is found in five to eight reads: first word, entry, one bit of each plane, index, palette.
+//! `b` is the width of a palette index, `e` the width of an entry. All places follow from the first two words, so that a
+//! code is found in a few reads: head, entry, ends of runs or one bit of each plane, index, palette.
 
 use crate::{
     bits::{BitWriter, bits_for, read_bits},
@@ -32,11 +34,40 @@ use crate::{
 pub const LANES: usize = 64;
 /// Cube pixels a block.
 pub const ROWS: usize = 32;
-/// Codes a row may need take up to six planes.
-const CLASSES: usize = 6;
+/// Bits of a lane's number.
+const LANE_BITS: u32 = 6;
+
+/// How a row with several codes is stored: so many runs, or so many planes.
+#[derive(Clone, Copy)]
+struct Kind {
+    runs: u32,
+    planes: u32,
+}
+
+impl Kind {
+    /// Palette indices in a record.
+    const fn slots(self) -> u32 {
+        if self.runs > 0 { self.runs } else { 1 << self.planes }
+    }
+
+    /// Bits of a record whose palette indices have so many bits.
+    const fn bits(self, index_bits: u32) -> usize {
+        (self.slots() * index_bits + self.runs * LANE_BITS) as usize + LANES * self.planes as usize
+    }
+}
+
+/// In the order of their records. The last one holds any row.
+const KINDS: [Kind; 6] = [
+    Kind { runs: 4, planes: 0 },
+    Kind { runs: 8, planes: 0 },
+    Kind { runs: 0, planes: 1 },
+    Kind { runs: 16, planes: 0 },
+    Kind { runs: 0, planes: 3 },
+    Kind { runs: 0, planes: 6 },
+];
 const PALETTE_BITS: u32 = 11;
 const COUNT_BITS: u32 = 6;
-const MORE_CLASSES: u32 = 1 << 29;
+const MORE_KINDS: u32 = 1 << 29;
 
 /// The codes that are right, for every row and lane of a block.
 #[derive(Clone)]
@@ -98,11 +129,13 @@ pub struct BlockEncoder {
 /// A row with several codes.
 #[derive(Clone, PartialEq, Eq)]
 struct Record {
-    /// Palette indices, ascending.
-    codes: Vec<u16>,
-    /// Which of them each lane has, one bit a plane.
-    planes: [u64; CLASSES],
-    class: usize,
+    /// Which of [`KINDS`].
+    kind: usize,
+    /// Palette indices: of each run, or of each value that the planes give.
+    slots: Vec<u16>,
+    /// Last lane of each run.
+    ends: Vec<u32>,
+    planes: [u64; LANE_BITS as usize],
 }
 
 impl BlockEncoder {
@@ -166,7 +199,8 @@ impl BlockEncoder {
                 self.stored_runs += 1;
                 continue;
             }
-            let record = Record::new(&self.row_codes, runs, indices);
+            let index_bits = bits_for(self.palette.len());
+            let record = Record::new(&self.row_codes, runs, indices, index_bits);
             let known = self.records.iter().position(|other| *other == record);
             rows[row] = RowCode::Record(known.unwrap_or(self.records.len()));
             if known.is_none() {
@@ -174,12 +208,12 @@ impl BlockEncoder {
                 self.records.push(record);
             }
         }
-        // Records are stored by class.
+        // Records are stored by kind.
         let mut order: Vec<usize> = (0..self.records.len()).collect();
-        order.sort_by_key(|&record| self.records[record].class);
+        order.sort_by_key(|&record| self.records[record].kind);
         let mut place = vec![0; order.len()];
         order.iter().enumerate().for_each(|(to, &from)| place[from] = to);
-        self.records.sort_by_key(|record| record.class);
+        self.records.sort_by_key(|record| record.kind);
         rows.map(|row| match row {
             RowCode::Constant(index) => u32::from(index),
             RowCode::Record(record) => (self.palette.len() + place[record]) as u32,
@@ -189,8 +223,8 @@ impl BlockEncoder {
     fn write(&mut self, entries: &[u32; ROWS]) {
         let writer = &mut self.writer;
         writer.clear();
-        let mut counts = [0; CLASSES];
-        self.records.iter().for_each(|record| counts[record.class - 1] += 1);
+        let mut counts = [0; KINDS.len()];
+        self.records.iter().for_each(|record| counts[record.kind] += 1);
         let more = counts[3..].iter().any(|&count| count > 0);
         writer.push(self.palette.len() as u32 - 1, PALETTE_BITS);
         counts[..3].iter().for_each(|&count| writer.push(count, COUNT_BITS));
@@ -205,11 +239,9 @@ impl BlockEncoder {
         entries.iter().for_each(|&entry| writer.push(entry, entry_bits));
         self.palette.iter().for_each(|&code| writer.push(u32::from(code), 16));
         for record in &self.records {
-            for slot in 0..1 << record.class {
-                let code = record.codes.get(slot).copied().unwrap_or(0);
-                writer.push(u32::from(code), index_bits);
-            }
-            for plane in &record.planes[..record.class] {
+            record.slots.iter().for_each(|&code| writer.push(u32::from(code), index_bits));
+            record.ends.iter().for_each(|&end| writer.push(end, LANE_BITS));
+            for plane in &record.planes[..KINDS[record.kind].planes as usize] {
                 writer.push(*plane as u32, 32);
                 writer.push((*plane >> 32) as u32, 32);
             }
@@ -224,21 +256,32 @@ enum RowCode {
 }
 
 impl Record {
-    /// `indices` are the palette indices that serve a run; `codes` holds one of them for each.
-    fn new(codes: &[u16], runs: &[Run], indices: impl Fn(&Run) -> Interval) -> Self {
-        let class = bits_for(codes.len()) as usize;
-        let mut planes = [0; CLASSES];
-        let mut start = 0;
-        for run in runs {
-            let serving = indices(run);
-            let code = codes.partition_point(|&code| code < serving.lo);
-            let lanes = ones(run.end) & !ones(start);
-            for (bit, plane) in planes.iter_mut().enumerate() {
-                *plane |= if code >> bit & 1 == 1 { lanes } else { 0 };
+    /// `indices` are the palette indices that serve a run; `codes` holds one of them for each, ascending.
+    fn new(codes: &[u16], runs: &[Run], indices: impl Fn(&Run) -> Interval, index_bits: u32) -> Self {
+        let fits = |kind: &usize| match KINDS[*kind] {
+            Kind { runs: 0, planes } => codes.len() <= 1 << planes,
+            Kind { runs: most, .. } => runs.len() <= most as usize,
+        };
+        let smallest = (0..KINDS.len()).filter(fits).min_by_key(|&kind| KINDS[kind].bits(index_bits));
+        let kind = smallest.unwrap_or(KINDS.len() - 1);
+        let code = |run: &Run| codes.partition_point(|&code| code < indices(run).lo);
+        let (mut slots, mut ends, mut planes): (Vec<u16>, Vec<u32>, _) = (Vec::new(), Vec::new(), [0; LANE_BITS as usize]);
+        if KINDS[kind].runs > 0 {
+            slots.extend(runs.iter().map(|run| codes[code(run)]));
+            ends.extend(runs.iter().map(|run| run.end - 1));
+            ends.resize(KINDS[kind].runs as usize, LANES as u32 - 1);
+        } else {
+            slots.extend(codes);
+            let mut start = 0;
+            for run in runs {
+                let lanes = ones(run.end) & !ones(start);
+                let slot = code(run);
+                (0..).zip(&mut planes).filter(|(bit, _)| slot >> bit & 1 == 1).for_each(|(_, plane)| *plane |= lanes);
+                start = run.end;
             }
-            start = run.end;
         }
-        Self { codes: codes.to_vec(), planes, class }
+        slots.resize(KINDS[kind].slots() as usize, 0);
+        Self { kind, slots, ends, planes }
     }
 }
 
@@ -251,7 +294,7 @@ fn ones(count: u32) -> u64 {
 #[derive(Clone, Copy)]
 struct Layout {
     palette: u32,
-    counts: [u32; CLASSES],
+    counts: [u32; KINDS.len()],
     index_bits: u32,
     entry_bits: u32,
     /// First bit of the entries, of the palette and of the records.
@@ -263,32 +306,28 @@ struct Layout {
 impl Layout {
     fn read(words: &[u32]) -> Option<Self> {
         let head = *words.first()?;
-        let more = if head & MORE_CLASSES != 0 { *words.get(1)? } else { 0 };
+        let more = if head & MORE_KINDS != 0 { *words.get(1)? } else { 0 };
         let palette = (head & ((1 << PALETTE_BITS) - 1)) + 1;
-        let count = |class: u32| match class {
-            0..3 => head >> (PALETTE_BITS + class * COUNT_BITS) & 0x3f,
-            _ => more >> ((class - 3) * COUNT_BITS) & 0x3f,
+        let count = |kind: u32| match kind {
+            0..3 => head >> (PALETTE_BITS + kind * COUNT_BITS) & 0x3f,
+            _ => more >> ((kind - 3) * COUNT_BITS) & 0x3f,
         };
-        let counts: [u32; CLASSES] = std::array::from_fn(|class| count(class as u32));
+        let counts: [u32; KINDS.len()] = std::array::from_fn(|kind| count(kind as u32));
         let index_bits = bits_for(palette as usize);
         let entry_bits = bits_for((palette + counts.iter().sum::<u32>()) as usize);
-        let entries_at = if head & MORE_CLASSES != 0 { 64 } else { 32 };
+        let entries_at = if head & MORE_KINDS != 0 { 64 } else { 32 };
         let palette_at = entries_at + ROWS * entry_bits as usize;
         let records_at = palette_at + 16 * palette as usize;
         Some(Self { palette, counts, index_bits, entry_bits, entries_at, palette_at, records_at })
     }
 
-    fn record_bits(&self, class: u32) -> usize {
-        (self.index_bits as usize) << class
-    }
-
-    /// Class and first bit of a record.
-    fn record(&self, mut number: u32) -> Option<(u32, usize)> {
+    /// Kind and first bit of a record.
+    fn record(&self, mut number: u32) -> Option<(Kind, usize)> {
         let mut at = self.records_at;
-        for (class, &count) in (1..).zip(&self.counts) {
-            let bits = self.record_bits(class) + 64 * class as usize;
+        for (kind, &count) in KINDS.iter().zip(&self.counts) {
+            let bits = kind.bits(self.index_bits);
             if number < count {
-                return Some((class, at + number as usize * bits));
+                return Some((*kind, at + number as usize * bits));
             }
             number -= count;
             at += count as usize * bits;
@@ -297,9 +336,8 @@ impl Layout {
     }
 
     fn end(&self) -> usize {
-        (1..).zip(&self.counts).fold(self.records_at, |at, (class, &count)| {
-            at + count as usize * (self.record_bits(class) + 64 * class as usize)
-        })
+        let sizes = KINDS.iter().zip(&self.counts).map(|(kind, &count)| count as usize * kind.bits(self.index_bits));
+        self.records_at + sizes.sum::<usize>()
     }
 }
 
@@ -310,18 +348,28 @@ pub fn decode(words: &[u32], row: usize, lane: usize) -> Option<u16> {
     let index = if entry < layout.palette {
         entry
     } else {
-        let (class, at) = layout.record(entry - layout.palette)?;
-        let planes_at = at + layout.record_bits(class);
-        let mut slot = 0;
-        for plane in 0..class as usize {
-            slot |= read_bits(words, planes_at + 64 * plane + lane, 1)? << plane;
-        }
-        read_bits(words, at + slot as usize * layout.index_bits as usize, layout.index_bits)?
+        let (kind, at) = layout.record(entry - layout.palette)?;
+        let slot = decode_slot(words, kind, at + (kind.slots() * layout.index_bits) as usize, lane)?;
+        read_bits(words, at + (slot * layout.index_bits) as usize, layout.index_bits)?
     };
     if index >= layout.palette {
         return None;
     }
     read_bits(words, layout.palette_at + 16 * index as usize, 16).map(|code| code as u16)
+}
+
+/// Which palette index of a record is that of a lane. Ends of runs and planes begin at bit `at`.
+fn decode_slot(words: &[u32], kind: Kind, at: usize, lane: usize) -> Option<u32> {
+    if kind.runs == 0 {
+        let bit = |plane: u32| read_bits(words, at + LANES * plane as usize + lane, 1);
+        return (0..kind.planes).try_fold(0, |slot, plane| Some(slot | bit(plane)? << plane));
+    }
+    let mut passed = 0;
+    for run in 0..kind.runs {
+        let end = read_bits(words, at + (run * LANE_BITS) as usize, LANE_BITS)?;
+        passed += u32::from((end as usize) < lane);
+    }
+    Some(passed.min(kind.runs - 1))
 }
 
 /// How many words the block takes that starts at the first of `words`, once everything in it is known to point into it.
@@ -337,9 +385,9 @@ pub fn check(words: &[u32]) -> Option<usize> {
         }
     }
     for number in 0..records {
-        let (class, at) = layout.record(number)?;
-        for slot in 0..1 << class {
-            if read_bits(words, at + slot * layout.index_bits as usize, layout.index_bits)? >= layout.palette {
+        let (kind, at) = layout.record(number)?;
+        for slot in 0..kind.slots() {
+            if read_bits(words, at + (slot * layout.index_bits) as usize, layout.index_bits)? >= layout.palette {
                 return None;
             }
         }
