@@ -12,7 +12,8 @@ use bevy_asset::{AssetMode, AssetPlugin};
 use bevy_bounce_bake::processor::{BakePlugin, process};
 
 fn main() -> ExitCode {
-    let folders: Vec<PathBuf> = std::env::args_os().skip(1).map(|folder| std::path::absolute(folder).unwrap_or_default()).collect();
+    let folders: Vec<PathBuf> =
+        std::env::args_os().skip(1).map(|folder| std::path::absolute(folder).unwrap_or_default()).collect();
     let [assets, processed] = &folders[..] else {
         eprintln!("process_assets: give two folders: process_assets ASSETS PROCESSED");
         return ExitCode::from(2);

@@ -84,10 +84,8 @@ pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &dyn Progress) -> 
     let lift = LIFT * diameter;
 
     progress.start(atlas.texels.len());
-    let cube_maps: Vec<Vec<CubeMap>> = blocks
-        .iter()
-        .map(|block| block.iter().map(|&index| cube_map(&atlas, index, lift)).collect())
-        .collect();
+    let cube_maps: Vec<Vec<CubeMap>> =
+        blocks.iter().map(|block| block.iter().map(|&index| cube_map(&atlas, index, lift)).collect()).collect();
     let (maps, stats) =
         encode_cube_maps(&bvh, &cube_maps, settings.depth as usize, quantizer, &|maps| progress.advance(maps))?;
     let csm_quantizer = Quantizer::with_far(2.0 * sphere.radius);

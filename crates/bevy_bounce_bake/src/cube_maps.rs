@@ -115,7 +115,14 @@ impl Worker {
 }
 
 /// The codes of a packet's rays into their lane; the rays behind the surface stay open. Returns how many are in front.
-fn store(tile: &CubeTile, layers: &Layers, normal: Vec3, quantizer: Quantizer, lane: usize, rays: &mut [BlockRays; GROUPS]) -> u64 {
+fn store(
+    tile: &CubeTile,
+    layers: &Layers,
+    normal: Vec3,
+    quantizer: Quantizer,
+    lane: usize,
+    rays: &mut [BlockRays; GROUPS],
+) -> u64 {
     let front = tile.plane(normal);
     let (us, vs) = tile.centers();
     let mut count = 0;

@@ -38,8 +38,8 @@ pub mod atlas;
 mod bake;
 pub mod cube_maps;
 mod error;
-pub mod outside;
 mod output;
+pub mod outside;
 #[cfg(feature = "processor")]
 pub mod processor;
 pub mod rays;

@@ -84,7 +84,9 @@ fn charts_by_nearness(atlas: &Atlas) -> Vec<Vec<u32>> {
     let at = |index: u32| Vec3::from(atlas.texels[index as usize].texel.position);
     let boxes: Vec<(Vec3, Vec3)> = charts
         .iter()
-        .map(|chart| chart.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &i| (min.min(at(i)), max.max(at(i)))))
+        .map(|chart| {
+            chart.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(min, max), &i| (min.min(at(i)), max.max(at(i))))
+        })
         .collect();
     let apart = |a: usize, b: usize| {
         let gap = (boxes[a].0 - boxes[b].1).max(boxes[b].0 - boxes[a].1).max(Vec3::ZERO);

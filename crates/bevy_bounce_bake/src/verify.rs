@@ -4,9 +4,9 @@ use bevy_bounce_cssm::{CssmFile, Filter};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
+use crate::BakeError;
 use crate::rays::Bvh;
 use crate::scene::Scene;
-use crate::BakeError;
 
 /// Pairs a task.
 const CHUNK: u64 = 4096;
@@ -113,7 +113,13 @@ fn compare(file: &CssmFile, bvh: &Bvh, surface: &Surface, rng: &mut fastrand::Rn
 
 /// Whether the exact answer changes when the receiver moves by `distance` texels in its surface, the sender by as many
 /// pixels in its own, or both.
-fn changes_within(receiver: &Sample, sender: &Sample, distance: f32, pixel: f32, changed: &dyn Fn(Vec3, Vec3) -> bool) -> bool {
+fn changes_within(
+    receiver: &Sample,
+    sender: &Sample,
+    distance: f32,
+    pixel: f32,
+    changed: &dyn Fn(Vec3, Vec3) -> bool,
+) -> bool {
     let circle = |axis: Vec3, radius: f32| {
         let (across, up) = axis.any_orthonormal_pair();
         (0..AROUND).map(move |step| {
@@ -137,7 +143,9 @@ impl Surface {
         let same = parts.len() == scene.parts.len()
             && parts.iter().zip(&scene.parts).all(|(baked, part)| baked.triangles == part.source_count);
         if !same || scene.source_hash != file.meta.source_hash {
-            return Err(BakeError::Atlas("the bake is of another scene, or of an older state of it; bake it anew".into()));
+            return Err(BakeError::Atlas(
+                "the bake is of another scene, or of an older state of it; bake it anew".into(),
+            ));
         }
         let size = Vec2::new(file.meta.atlas[0] as f32, file.meta.atlas[1] as f32);
         let (mut triangles, mut areas, mut sum) = (Vec::new(), Vec::new(), 0.0);

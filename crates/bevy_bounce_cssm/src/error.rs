@@ -8,7 +8,9 @@ pub enum CssmError {
     #[error("is no CSSM file: it does not start with its magic number; give a file that `bounce-bake bake` wrote")]
     Magic,
     /// From a newer program.
-    #[error("has version {found} of the format, and version {known} is understood; bake it anew, or update bevy_bounce")]
+    #[error(
+        "has version {found} of the format, and version {known} is understood; bake it anew, or update bevy_bounce"
+    )]
     Version {
         /// Of the file.
         found: u32,

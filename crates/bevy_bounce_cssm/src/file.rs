@@ -28,9 +28,8 @@ impl CssmFile {
     /// Reads a file and checks every number in it that something relies on.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, CssmError> {
         let container = Container::open(bytes)?;
-        let section = |id: SectionId| {
-            container.section(id)?.ok_or_else(|| CssmError::section(id.name(), "it is missing"))
-        };
+        let section =
+            |id: SectionId| container.section(id)?.ok_or_else(|| CssmError::section(id.name(), "it is missing"));
         let file = Self {
             meta: Meta::from_words(&section(SectionId::Meta)?)?,
             texels: section(SectionId::Texels)?,
@@ -108,7 +107,8 @@ impl CssmFile {
         let slots = u64::from(self.meta.blocks) * LANES as u64;
         for (index, words) in self.texels.as_chunks::<TEXEL_WORDS>().0.iter().enumerate() {
             let texel = Texel::from_words(words);
-            let finite = texel.position.iter().chain(&texel.diffuse).chain([&texel.area]).all(|value| value.is_finite());
+            let finite =
+                texel.position.iter().chain(&texel.diffuse).chain([&texel.area]).all(|value| value.is_finite());
             let fits = u64::from(texel.slot) < slots && texel.chart < self.meta.charts;
             if !finite || !fits || self.texel_at(texel.cell) != Some(index) {
                 return Err(CssmError::section("texels", format!("texel {index} makes no sense")));

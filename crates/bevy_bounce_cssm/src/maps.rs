@@ -42,7 +42,6 @@ impl Maps {
         }
         Ok(())
     }
-
 }
 
 /// Puts encoded blocks together.

@@ -77,9 +77,12 @@ impl CssmFile {
         let [x, y] = place.at.map(|at| at - 0.5);
         let (fx, fy) = (x - x.floor(), y - y.floor());
         let mut seen = 0.0;
-        for (dx, dy, weight) in
-            [(0.0, 0.0, (1.0 - fx) * (1.0 - fy)), (1.0, 0.0, fx * (1.0 - fy)), (0.0, 1.0, (1.0 - fx) * fy), (1.0, 1.0, fx * fy)]
-        {
+        for (dx, dy, weight) in [
+            (0.0, 0.0, (1.0 - fx) * (1.0 - fy)),
+            (1.0, 0.0, fx * (1.0 - fy)),
+            (0.0, 1.0, (1.0 - fx) * fy),
+            (1.0, 1.0, fx * fy),
+        ] {
             // A neighbour past the face's edge is found on the next face.
             let neighbor = FacePoint { at: [x.floor() + dx + 0.5, y.floor() + dy + 0.5], ..place };
             let direction = neighbor.direction(side);

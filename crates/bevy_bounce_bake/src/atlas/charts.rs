@@ -101,10 +101,13 @@ impl DisjointSets {
     fn numbers(mut self) -> (Vec<u32>, u32) {
         let roots: Vec<u32> = (0..self.0.len() as u32).map(|number| self.root(number)).collect();
         let mut numbers = HashMap::new();
-        let sets: Vec<u32> = roots.iter().map(|root| {
-            let next = numbers.len() as u32;
-            *numbers.entry(*root).or_insert(next)
-        }).collect();
+        let sets: Vec<u32> = roots
+            .iter()
+            .map(|root| {
+                let next = numbers.len() as u32;
+                *numbers.entry(*root).or_insert(next)
+            })
+            .collect();
         (sets, numbers.len() as u32)
     }
 }

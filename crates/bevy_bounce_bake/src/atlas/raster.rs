@@ -4,7 +4,10 @@ use bevy_bounce_cssm::{Texel, octahedral};
 use glam::{Vec2, Vec3};
 
 use super::{Atlas, AtlasTexel, Charted};
-use crate::{BakeError, scene::{Part, Scene}};
+use crate::{
+    BakeError,
+    scene::{Part, Scene},
+};
 
 /// A texel with less of the surface than this share shows none of it.
 const LEAST_COVER: f32 = 1.0e-3;
@@ -69,7 +72,15 @@ fn finish(cover: &Cover, cell: [u32; 2], triangles: &[[Vec3; 3]], charted: &Char
     let position = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
     let normal = octahedral::decode(octahedral::encode(cover.normal.to_array()));
     let diffuse = (cover.color / cover.world_area).clamp(Vec3::ZERO, Vec3::ONE).to_array();
-    let texel = Texel { position: position.to_array(), normal, area: cover.world_area, diffuse, chart: cover.chart, cell, slot: 0 };
+    let texel = Texel {
+        position: position.to_array(),
+        normal,
+        area: cover.world_area,
+        diffuse,
+        chart: cover.chart,
+        cell,
+        slot: 0,
+    };
     AtlasTexel { texel, triangle: cover.triangle }
 }
 
@@ -95,7 +106,14 @@ impl<'a> Triangle<'a> {
     }
 
     /// Adds the triangle to every texel it touches.
-    fn cover(&self, size: glam::UVec2, cover: &mut [Cover], strict: bool, scene: &Scene, charted: &Charted) -> Result<(), BakeError> {
+    fn cover(
+        &self,
+        size: glam::UVec2,
+        cover: &mut [Cover],
+        strict: bool,
+        scene: &Scene,
+        charted: &Charted,
+    ) -> Result<(), BakeError> {
         let low = self.uv[0].min(self.uv[1]).min(self.uv[2]).max(Vec2::ZERO).as_uvec2();
         let high = self.uv[0].max(self.uv[1]).max(self.uv[2]).ceil().as_uvec2().min(size);
         for y in low.y..high.y {

@@ -48,5 +48,7 @@ pub fn unwrap(scene: &Scene, size: u32) -> Result<Charted, BakeError> {
 }
 
 fn too_small(size: u32, charts: &str, problem: &str) -> BakeError {
-    BakeError::Atlas(format!("an atlas of {size} texels is too small for {charts} ({problem}); bake with a larger --atlas"))
+    BakeError::Atlas(format!(
+        "an atlas of {size} texels is too small for {charts} ({problem}); bake with a larger --atlas"
+    ))
 }

@@ -48,8 +48,7 @@ pub fn run() -> ExitCode {
 }
 
 fn run_bake(args: &BakeArgs) -> Result<(), Failure> {
-    let settings =
-        BakeSettings { atlas: args.atlas, depth: args.depth, strategy: args.strategy, unwrap: args.unwrap };
+    let settings = BakeSettings { atlas: args.atlas, depth: args.depth, strategy: args.strategy, unwrap: args.unwrap };
     settings.check()?;
     if args.output.is_dir() {
         let line = format!("{}: is a folder; give a file to write, as OUT.cssm", args.output.display());
@@ -98,8 +97,18 @@ fn run_info(path: &Path) -> Result<(), Failure> {
     println!("runs              {}", meta.runs);
     println!("directory         {}", size(4 * file.maps.directory.len() as u64));
     println!("blocks            {}", size(4 * file.maps.blocks.len() as u64));
-    println!("depth             {} in {}, {:.1} : 1", size(uncompressed), size(compressed), uncompressed as f64 / compressed as f64);
-    println!("from outside      {0} x {0} directions of {1} x {1}, {2}", meta.csm_grid, meta.csm_side, size(4 * (file.csm.directory.len() + file.csm.blocks.len()) as u64));
+    println!(
+        "depth             {} in {}, {:.1} : 1",
+        size(uncompressed),
+        size(compressed),
+        uncompressed as f64 / compressed as f64
+    );
+    println!(
+        "from outside      {0} x {0} directions of {1} x {1}, {2}",
+        meta.csm_grid,
+        meta.csm_side,
+        size(4 * (file.csm.directory.len() + file.csm.blocks.len()) as u64)
+    );
     println!("close surfaces    {} of {} rays have two within a depth step", meta.close, meta.rays);
     Ok(())
 }

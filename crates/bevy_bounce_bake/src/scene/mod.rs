@@ -90,7 +90,8 @@ impl Scene {
         let (min, max) = self.bounds();
         let diameter = min.distance(max);
         if !(LEAST_DIAMETER..=MOST_DIAMETER).contains(&diameter) {
-            let problem = format!("is {diameter:e} units large; scale it to between {LEAST_DIAMETER:e} and {MOST_DIAMETER:e}");
+            let problem =
+                format!("is {diameter:e} units large; scale it to between {LEAST_DIAMETER:e} and {MOST_DIAMETER:e}");
             return Err(BakeError::source(name, problem));
         }
         Ok(self)

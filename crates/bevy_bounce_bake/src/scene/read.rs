@@ -20,7 +20,12 @@ impl Scene {
         for (node, transform) in placed_nodes(&scene).map_err(wrong)? {
             let Some(mesh) = node.mesh() else { continue };
             for primitive in mesh.primitives() {
-                let name = format!("mesh {} ({}), primitive {}", mesh.index(), mesh.name().or(node.name()).unwrap_or("-"), primitive.index());
+                let name = format!(
+                    "mesh {} ({}), primitive {}",
+                    mesh.index(),
+                    mesh.name().or(node.name()).unwrap_or("-"),
+                    primitive.index()
+                );
                 let part = read_part(&primitive, transform, &buffers, name.clone());
                 let part = part.map_err(|problem| wrong(format!("{name}: {problem}")))?;
                 let numbers = [node.index(), mesh.index(), primitive.index()].map(|number| number as u32);
@@ -43,9 +48,11 @@ fn buffers(source: &Source) -> Result<Vec<Vec<u8>>, String> {
     for buffer in source.gltf.buffers() {
         let place = format!("buffer {}", buffer.index());
         let bytes = match buffer.source() {
-            gltf::buffer::Source::Bin => {
-                source.gltf.blob.clone().ok_or_else(|| format!("{place}: its binary chunk is missing; export it anew"))?
-            }
+            gltf::buffer::Source::Bin => source
+                .gltf
+                .blob
+                .clone()
+                .ok_or_else(|| format!("{place}: its binary chunk is missing; export it anew"))?,
             gltf::buffer::Source::Uri(uri) => source.file(uri).map_err(|problem| format!("{place}: {problem}"))?,
         };
         if bytes.len() < buffer.length() {
@@ -76,7 +83,12 @@ fn placed_nodes<'a>(scene: &gltf::Scene<'a>) -> Result<Vec<(gltf::Node<'a>, Mat4
 }
 
 /// One primitive; nothing where it holds points or lines.
-fn read_part(primitive: &gltf::Primitive, transform: Mat4, buffers: &[Vec<u8>], name: String) -> Result<Option<Part>, String> {
+fn read_part(
+    primitive: &gltf::Primitive,
+    transform: Mat4,
+    buffers: &[Vec<u8>],
+    name: String,
+) -> Result<Option<Part>, String> {
     check::types(primitive)?;
     let reader = primitive.reader(|buffer| buffers.get(buffer.index()).map(Vec::as_slice));
     let positions: Vec<Vec3> = match reader.read_positions() {
@@ -104,8 +116,7 @@ fn read_part(primitive: &gltf::Primitive, transform: Mat4, buffers: &[Vec<u8>], 
         let uv: Vec<Vec2> = reader.read_tex_coords(set)?.into_f32().map(Vec2::from).collect();
         (uv.len() == part.positions.len() && uv.iter().all(|uv| uv.is_finite())).then_some(uv)
     };
-    let colors: Option<Vec<Vec3>> =
-        reader.read_colors(0).map(|colors| colors.into_rgb_f32().map(Vec3::from).collect());
+    let colors: Option<Vec<Vec3>> = reader.read_colors(0).map(|colors| colors.into_rgb_f32().map(Vec3::from).collect());
     let colors = colors.filter(|colors| colors.len() == part.positions.len());
     let (uv0, uv1) = (uv(0), uv(1));
     let material = primitive.material().index().unwrap_or(usize::MAX);

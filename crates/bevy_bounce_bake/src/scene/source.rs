@@ -49,10 +49,9 @@ impl Source {
         if let Some(problem) = problem {
             return Err(BakeError::source(&name, problem));
         }
-        let gltf = gltf::Gltf::from_slice(bytes)
-            .map_err(|error| BakeError::source(&name, super::check::describe(error)))?;
-        let mut source =
-            Self { name, gltf, hash: crc32fast::Hasher::new(), length: 0, files: BTreeMap::new() };
+        let gltf =
+            gltf::Gltf::from_slice(bytes).map_err(|error| BakeError::source(&name, super::check::describe(error)))?;
+        let mut source = Self { name, gltf, hash: crc32fast::Hasher::new(), length: 0, files: BTreeMap::new() };
         source.count(bytes);
         for uri in source.uris() {
             decode_uri(&uri).map_err(|problem| BakeError::source(&source.name, problem))?;

@@ -32,8 +32,17 @@ fn bake_info_and_verify() {
     let report: serde_json::Value = serde_json::from_slice(&report).expect("it is JSON");
     let mut fields: Vec<&str> = report.as_object().expect("an object").keys().map(String::as_str).collect();
     fields.sort_unstable();
-    let wanted =
-        ["atlas", "compressed_bytes", "depth", "depth_maps", "ratio", "runs", "seconds", "strategy", "uncompressed_bytes"];
+    let wanted = [
+        "atlas",
+        "compressed_bytes",
+        "depth",
+        "depth_maps",
+        "ratio",
+        "runs",
+        "seconds",
+        "strategy",
+        "uncompressed_bytes",
+    ];
     assert_eq!(fields, wanted);
     assert_eq!((&report["atlas"], &report["depth"]), (&32.into(), &16.into()));
     let info = run(folder.path(), &["info", "room.cssm"]);
@@ -81,7 +90,8 @@ fn bad_input_gets_a_line_and_a_status() {
         assert!(status == 2 && said.contains(wanted), "{args:?}: {status} {said}");
     }
     assert!(!at.join("x.cssm").exists());
-    let (status, said) = fails(at, &["bake", "room.glb", "-o", "no/such/folder/x.cssm", "--atlas", "8", "--depth", "8"]);
+    let (status, said) =
+        fails(at, &["bake", "room.glb", "-o", "no/such/folder/x.cssm", "--atlas", "8", "--depth", "8"]);
     assert!(status == 1 && said.contains("folder that exists"), "{status} {said}");
 }
 

@@ -53,7 +53,9 @@ fn check(scene: &Scene, file: &CssmFile, count: &mut Count) {
     for index in (0..file.meta.texels as usize).step_by(3) {
         let texel = file.texel(index).expect("in range");
         let origin = DVec3::from(file.center(&texel).map(f64::from));
-        for (face, pixel) in (0..6 * side * side).map(|pixel| (pixel / (side * side), [pixel % side, pixel / side % side])) {
+        for (face, pixel) in
+            (0..6 * side * side).map(|pixel| (pixel / (side * side), [pixel % side, pixel / side % side]))
+        {
             let at = pixel.map(|at| at as f32 + 0.5);
             let direction = DVec3::from(FacePoint { face, at, depth: 1.0 }.direction(side).map(f64::from));
             if direction.dot(DVec3::from(texel.normal.map(f64::from))) < 1.0e-5 {
@@ -108,7 +110,8 @@ fn close_surfaces_are_counted() {
     let sheet = |z: f32| [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]].map(|[x, y]| glam::Vec3::new(x, y, z));
     // A floor that looks up at two sheets, a tenth of a quantum apart.
     let positions = [sheet(0.0), sheet(0.5), sheet(0.500_002)].concat();
-    let triangles = (0..3).flat_map(|quad| [[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|corner| 4 * quad + corner)));
+    let triangles =
+        (0..3).flat_map(|quad| [[0, 1, 2], [0, 2, 3]].map(|corners| corners.map(|corner| 4 * quad + corner)));
     let scene = Scene::from_mesh("sheets", positions, triangles.collect()).expect("it has triangles");
     let settings = BakeSettings { atlas: 24, depth: 8, ..BakeSettings::default() };
     let (file, _) = bake(&scene, &settings, &()).expect("it can be baked");

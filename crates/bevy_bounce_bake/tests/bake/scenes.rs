@@ -88,7 +88,8 @@ fn open_degenerate_and_non_manifold_meshes_are_baked() {
 fn overlapping_and_crowded_second_sets_are_named() {
     let mut scene = random(1);
     let count = scene.parts[0].positions.len();
-    scene.parts[0].uv1 = Some((0..count).map(|corner| glam::Vec2::new((corner % 2) as f32, (corner / 2 % 2) as f32)).collect());
+    scene.parts[0].uv1 =
+        Some((0..count).map(|corner| glam::Vec2::new((corner % 2) as f32, (corner / 2 % 2) as f32)).collect());
     let said = problem(Ok(scene.clone()));
     assert!(said.contains("random") && said.contains("TEXCOORD_1") && said.contains("texel ("), "{said}");
     let unwrapped = bake(&scene, &BakeSettings { unwrap: true, ..small() }, &());
@@ -109,7 +110,8 @@ fn an_atlas_too_small_is_named() {
 #[test]
 fn broken_gltf_files_are_named() {
     let bytes = std::fs::read(cornell_box()).expect("the repository has it");
-    let said = |bytes: &[u8]| problem(Source::parse("room.glb".into(), bytes).and_then(|source| Scene::from_gltf(&source)));
+    let said =
+        |bytes: &[u8]| problem(Source::parse("room.glb".into(), bytes).and_then(|source| Scene::from_gltf(&source)));
     assert_eq!(said(&bytes), "none");
     for (bytes, wanted) in [
         (vec![], "is empty"),

@@ -49,7 +49,8 @@ fn small_file() -> CssmFile {
     for number in 0..3 {
         let cell = [number, number % 2];
         cells[(cell[1] * 4 + cell[0]) as usize] = number;
-        let texel = Texel { normal: [0.0, 0.0, 1.0], area: 0.5, chart: number % 2, cell, slot: number, ..Texel::default() };
+        let texel =
+            Texel { normal: [0.0, 0.0, 1.0], area: 0.5, chart: number % 2, cell, slot: number, ..Texel::default() };
         texels.extend(texel.to_words());
     }
     let mut parts = Parts::default();
