@@ -1,7 +1,5 @@
 //! Depth cube maps of all texels, cast and encoded block by block.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use bevy_bounce_cssm::block::{BlockCode, BlockEncoder, BlockRays, LANES, ROWS};
 use bevy_bounce_cssm::{Interval, Maps, MapsBuilder, OpenEnd, Quantizer};
 use glam::Vec3;
@@ -49,7 +47,7 @@ pub fn encode_cube_maps(
     done: &(dyn Fn(usize) + Sync),
 ) -> Result<(Maps, CastStats), BakeError> {
     let mut maps = MapsBuilder::default();
-    let stats = [const { AtomicU64::new(0) }; 3];
+    let mut stats = CastStats::default();
     for batch in blocks.chunks(BATCH) {
         let encoded: Vec<EncodedBlock> = batch
             .par_iter()
@@ -61,13 +59,12 @@ pub fn encode_cube_maps(
             .collect();
         for block in encoded {
             maps.push(&block.codes, &block.words)?;
-            for (total, part) in stats.iter().zip([block.stats.rays, block.stats.close, block.stats.runs]) {
-                total.fetch_add(part, Ordering::Relaxed);
-            }
+            stats.rays += block.stats.rays;
+            stats.close += block.stats.close;
+            stats.runs += block.stats.runs;
         }
     }
-    let [rays, close, runs] = stats.map(AtomicU64::into_inner);
-    Ok((maps.finish(), CastStats { rays, close, runs }))
+    Ok((maps.finish(), stats))
 }
 
 struct EncodedBlock {

@@ -43,7 +43,8 @@
 //! visible if depth <= code * quantum; code 65535 is no surface at all
 //! ```
 //!
-//! One read where the whole block has one code, otherwise five to eight. No block lies across a multiple of 128 MiB, so
+//! Two reads, slot and directory, where the whole block has one code; otherwise also the head, the row's entry, the ends of
+//! its runs or a bit of each plane, an index and the code. No block lies across a multiple of 128 MiB, so
 //! that the section can be bound in pieces.
 //!
 //! # Features

@@ -39,7 +39,7 @@ pub struct Meta {
     pub csm_radius: f32,
     /// Depth of one step in a map from outside, in world units.
     pub csm_quantum: f32,
-    /// Hash of the source and its version of the baker.
+    /// Hash of the scene's files, to tell whether a bake is of their present state.
     pub source_hash: u64,
     /// Rays that were cast for cube maps, those on the surfaces' front.
     pub rays: u64,

@@ -43,7 +43,7 @@ pub fn rasterize(scene: &Scene, charted: Charted) -> Result<Atlas, BakeError> {
         for corners in &part.triangles {
             if let Some(uv) = charted.corners[number] {
                 let triangle = Triangle::new(scene, part, *corners, uv, number as u32, charted.chart[number]);
-                triangle.cover(size, &mut cover, charted.from_scene, scene, &charted)?;
+                triangle.cover(&mut cover, &charted)?;
             }
             number += 1;
         }
@@ -105,15 +105,9 @@ impl<'a> Triangle<'a> {
         Self { part, scene, corners, uv, normal: cross.normalize_or_zero(), density, number, chart }
     }
 
-    /// Adds the triangle to every texel it touches.
-    fn cover(
-        &self,
-        size: glam::UVec2,
-        cover: &mut [Cover],
-        strict: bool,
-        scene: &Scene,
-        charted: &Charted,
-    ) -> Result<(), BakeError> {
+    /// Adds the triangle to every texel it touches. Coordinates from the scene must not overlap.
+    fn cover(&self, cover: &mut [Cover], charted: &Charted) -> Result<(), BakeError> {
+        let size = charted.size;
         let low = self.uv[0].min(self.uv[1]).min(self.uv[2]).max(Vec2::ZERO).as_uvec2();
         let high = self.uv[0].max(self.uv[1]).max(self.uv[2]).ceil().as_uvec2().min(size);
         for y in low.y..high.y {
@@ -125,8 +119,9 @@ impl<'a> Triangle<'a> {
                 let cover = &mut cover[(y * size.x + x) as usize];
                 let before = *cover;
                 self.add(cover, area, moment);
-                if strict && (cover.area > MOST_COVER || (before.area > 0.0 && before.chart != self.chart)) {
-                    return Err(self.conflict(&before, [x, y], cover.area > MOST_COVER, scene, charted));
+                if charted.from_scene && (cover.area > MOST_COVER || (before.area > 0.0 && before.chart != self.chart))
+                {
+                    return Err(self.conflict(&before, [x, y], cover.area > MOST_COVER, charted));
                 }
             }
         }
@@ -179,9 +174,9 @@ impl<'a> Triangle<'a> {
         material.color(set.as_ref().map(mix2)) * self.part.colors.as_ref().map_or(Vec3::ONE, mix3)
     }
 
-    fn conflict(&self, other: &Cover, cell: [u32; 2], overlap: bool, scene: &Scene, charted: &Charted) -> BakeError {
+    fn conflict(&self, other: &Cover, cell: [u32; 2], overlap: bool, charted: &Charted) -> BakeError {
         let mut first = other.triangle as usize;
-        let name = scene.parts.iter().find_map(|part| match first.checked_sub(part.triangles.len()) {
+        let name = self.scene.parts.iter().find_map(|part| match first.checked_sub(part.triangles.len()) {
             None => Some(part.name.as_str()),
             Some(rest) => {
                 first = rest;
