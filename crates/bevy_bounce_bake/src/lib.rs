@@ -1,6 +1,6 @@
 //! Bakes coherent surface shadow maps, the files of [`bevy_bounce_cssm`].
 //!
-//! Three ways to the same bytes: the `bounce-bake` command, the asset processor of the `processor` feature, and [`bake`].
+//! Three ways to the same bytes: the `bounce-bake` command, the asset processor of the `processor` feature, and [`bake()`].
 //!
 //! ```no_run
 //! use bevy_bounce_bake::{BakeSettings, Source, Scene, bake};

@@ -166,7 +166,7 @@ fn entry(bytes: &[u8], number: usize) -> Result<(u32, u32, std::ops::Range<usize
     let (id, version, offset, length) = fields().ok_or_else(|| wrong("is cut off"))?;
     let end = offset.checked_add(length).filter(|&end| end <= bytes.len() as u64);
     let end = end.ok_or_else(|| wrong("reaches past the end of the file"))?;
-    if offset % ALIGNMENT as u64 != 0 || length % 4 != 0 {
+    if !offset.is_multiple_of(ALIGNMENT as u64) || !length.is_multiple_of(4) {
         return Err(wrong("is not aligned"));
     }
     Ok((id, version, offset as usize..end as usize))

@@ -88,7 +88,7 @@ impl CubeTile {
         let at = |pixel: f32| 2.0 * pixel / side as f32 - 1.0;
         let centers = |first: usize| std::array::from_fn(|i| at((first + i) as f32 + 0.5));
         let ends = |first: usize| [at(first as f32), at((first + PACKET) as f32)];
-        let sign = if face % 2 == 0 { 1.0 } else { -1.0 };
+        let sign = if face.is_multiple_of(2) { 1.0 } else { -1.0 };
         Self { origin: Vec3::ZERO, axis: face / 2, sign, us: centers(x), vs: centers(y), u: ends(x), v: ends(y) }
     }
 

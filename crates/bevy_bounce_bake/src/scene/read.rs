@@ -102,7 +102,8 @@ fn read_part(
     let mut triangles: Vec<[u32; 3]> = match primitive.mode() {
         Mode::Triangles => indices.as_chunks().0.to_vec(),
         Mode::TriangleStrip => {
-            let turned = |(i, t): (usize, &[u32])| if i % 2 == 0 { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
+            let turned =
+                |(i, t): (usize, &[u32])| if i.is_multiple_of(2) { [t[0], t[1], t[2]] } else { [t[1], t[0], t[2]] };
             indices.windows(3).enumerate().map(turned).collect()
         }
         Mode::TriangleFan => indices.windows(2).skip(1).map(|pair| [indices[0], pair[0], pair[1]]).collect(),

@@ -25,7 +25,7 @@ pub fn tiles(atlas: &Atlas, chart: &[u32]) -> Vec<Vec<u32>> {
         let [x, y] = cell(atlas, index);
         let (x, y) = (x - left, y - top);
         let (column, row) = (x / TILE, y / TILE);
-        let column = if row % 2 == 0 { column } else { u32::MAX - column };
+        let column = if row.is_multiple_of(2) { column } else { u32::MAX - column };
         (row, column, hilbert(x % TILE, y % TILE))
     };
     let mut sorted = chart.to_vec();
@@ -57,7 +57,7 @@ pub fn zigzag(atlas: &Atlas, chart: &[u32]) -> Vec<u32> {
     let mut sorted = chart.to_vec();
     sorted.sort_unstable_by_key(|&index| {
         let [x, y] = cell(atlas, index);
-        (y, if (y - top) % 2 == 0 { x } else { u32::MAX - x })
+        (y, if (y - top).is_multiple_of(2) { x } else { u32::MAX - x })
     });
     sorted
 }

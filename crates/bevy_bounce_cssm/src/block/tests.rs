@@ -5,9 +5,9 @@ use crate::interval::Interval;
 fn random_rays(rng: &mut fastrand::Rng, values: u16) -> BlockRays {
     let mut rays = BlockRays::ANY;
     let edges: [usize; ROWS] = std::array::from_fn(|_| rng.usize(0..2 * LANES));
-    for row in 0..ROWS {
+    for (row, edge) in edges.into_iter().enumerate() {
         for lane in 0..LANES {
-            let base = if lane < edges[row] { 7 } else { rng.u16(0..values) * 100 };
+            let base = if lane < edge { 7 } else { rng.u16(0..values) * 100 };
             let interval = match rng.u8(0..10) {
                 0 => Interval::ANY,
                 1 if values > 20 => Interval::EMPTY_RAY,
