@@ -42,7 +42,7 @@ fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
 }
 #else ifdef VISIBILITY_ATLAS
 fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
-    return atlas_visible(light, vpl, surface.position);
+    return atlas_visible(light, vpl, surface.position, surface.normal);
 }
 #else
 fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {

@@ -18,15 +18,19 @@ const SLACK: f32 = 0.03;
 /// Steps of depth, for rounding.
 const ROUNDING: f32 = 2.0;
 
-/// A point is hidden where it lies behind the surface that its texel shows, taken as a plane. What is on that surface, or on one
-/// that meets it in a corner, is not, however coarse the texel: no bias is needed but for rounding.
-fn atlas_visible(light: u32, vpl: Vpl, position: vec3<f32>) -> bool {
-    let to_surface = (position - vpl.position) * tile_frame(vpl.normal);
+/// A point is hidden where it lies behind the surface that its texel shows, taken as a plane, and that lies before the plane of
+/// the point's own: what is on the same surface, flat or bent, or on one that meets it in a corner, does not hide it, however
+/// coarse the texel. No bias is needed but for rounding.
+fn atlas_visible(light: u32, vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> bool {
+    let frame = tile_frame(vpl.normal);
+    let to_surface = (position - vpl.position) * frame;
     let edge = f32(parameters.tile);
     let texel = min(vec2<u32>(to_tile(to_surface) * edge), vec2<u32>(parameters.tile - 1u));
     let word = atlas[light * tile_words(parameters) + texel.y * parameters.tile + texel.x];
     let direction = normalize(from_tile((vec2<f32>(texel) + 0.5) / edge));
     let off = to_surface - direction * texel_depth(word, parameters.far);
     let bias = SLACK * length(off) + ROUNDING / DEPTH_STEPS * parameters.far;
-    return word == TILE_EMPTY || dot(texel_normal(word), off) >= -bias;
+    let is_behind = dot(texel_normal(word), off) < -bias;
+    let is_before = dot(normal * frame, off) < -bias;
+    return word == TILE_EMPTY || !(is_behind && is_before);
 }

@@ -54,6 +54,8 @@ struct Hit {
     // Voxels along the ray.
     t: f32,
     cell: u32,
+    // Voxels and empty cubes that the ray went through.
+    steps: u32,
 }
 
 fn to_grid(position: vec3<f32>) -> vec3<f32> {
@@ -76,7 +78,7 @@ fn is_own_surface(ray: Ray, t: f32, normal: vec3<f32>, height: f32, slope: f32) 
 
 // The nearest plane met in an occupied voxel between `enter` and `leave`.
 fn hit_voxel(ray: Ray, word: u32, voxel: vec3<f32>, enter: f32, leave: f32) -> Hit {
-    var nearest = Hit(false, leave, 0u);
+    var nearest = Hit(false, leave, 0u, 0u);
     let from_center = ray.origin - voxel - 0.5;
     let first = word & CELL_MASK;
     let count = countOneBits(voxel_facings(word));
@@ -95,7 +97,7 @@ fn hit_voxel(ray: Ray, word: u32, voxel: vec3<f32>, enter: f32, leave: f32) -> H
         let p = from_center + ray.direction * t + 0.5;
         let within = all(p >= bounds_low(cell.bounds) - BOUNDS_SLACK) && all(p <= bounds_high(cell.bounds) + BOUNDS_SLACK);
         if within && t <= nearest.t && !is_own_surface(ray, t, normal, height, slope) {
-            nearest = Hit(true, t, first + i);
+            nearest = Hit(true, t, first + i, 0u);
         }
     }
     return nearest;
@@ -118,7 +120,8 @@ fn trace(ray: Ray) -> Hit {
     let ahead = select(vec3<f32>(0.0), vec3<f32>(1.0), safe > vec3<f32>(0.0));
     let span = clip_to_grid(ray, inverse);
     var t = span.x;
-    for (var step = 0u; step < MAX_STEPS && t < span.y; step++) {
+    var step = 0u;
+    for (; step < MAX_STEPS && t < span.y; step++) {
         let voxel = floor(ray.origin + safe * (t + NUDGE));
         if any(voxel < vec3<f32>(0.0)) || any(voxel >= vec3<f32>(grid.dims)) {
             // On the boundary, by rounding.
@@ -137,10 +140,10 @@ fn trace(ray: Ray) -> Hit {
         if voxel_facings(word) != 0u {
             let hit = hit_voxel(ray, word, voxel, t, leave);
             if hit.found && hit.t < span.y {
-                return hit;
+                return Hit(true, hit.t, hit.cell, step + 1u);
             }
         }
         t = leave;
     }
-    return Hit(false, ray.length, 0u);
+    return Hit(false, ray.length, 0u, step);
 }

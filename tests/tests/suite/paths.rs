@@ -400,6 +400,50 @@ fn rays_meet_what_is_there() {
     assert!(off * 50 <= count, "{off} of {count} rays end a voxel and more off");
 }
 
+/// Rays between the walls of a room, through a grid of about 64^3.
+#[test]
+fn rays_leap_over_what_is_empty() {
+    const SHOOT: &str = "
+        #import bevy_bounce::shared::rays::{trace, to_grid, grid, Ray}
+        @group(0) @binding(0) var<storage, read> rays: array<vec4<f32>>;
+        @group(0) @binding(1) var<storage, read_write> steps: array<u32>;
+        @compute @workgroup_size(64)
+        fn shoot(@builtin(global_invocation_id) id: vec3<u32>) {
+            if id.x >= arrayLength(&steps) {
+                return;
+            }
+            let to = rays[2u * id.x + 1u].xyz - rays[2u * id.x].xyz;
+            var ray: Ray;
+            ray.origin = to_grid(rays[2u * id.x].xyz);
+            ray.direction = normalize(to);
+            ray.length = length(to) / grid.voxel_size;
+            steps[id.x] = trace(ray).steps;
+        }";
+    let mut scene = room(Vec3::splat(0.5));
+    scene.soup(&cuboid(Vec3::new(-1.1, 0.0, -0.7), Vec3::new(-0.4, 1.2, 0.1)));
+    let grid = scene.grid(4.0 / 62.0);
+    let resources = voxelize(gpu(), &scene, &grid, None);
+    let mut random = Random::new(29);
+    let mut on_wall = || {
+        let mut p = random.vector();
+        let axis = random.below(3) as usize;
+        p[axis] = p[axis].signum() * 0.98;
+        Vec3::new(0.0, 1.25, 0.0) + p * Vec3::new(2.0, 1.25, 1.5)
+    };
+    let count = 4096;
+    let ends: Vec<(Vec3, Vec3)> = (0..count).map(|_| (on_wall(), on_wall())).collect();
+    let packed: Vec<f32> = ends.iter().flat_map(|(a, b)| [a.x, a.y, a.z, 0.0, b.x, b.y, b.z, 0.0]).collect();
+    let resources = resources.floats("rays", &packed).zeroed("steps", count);
+    let kernel = gpu().kernel(&compose_source(SHOOT, "shoot.wgsl", &[]).expect("composes"), "shoot");
+    gpu().dispatch(&kernel.expect("the device takes it"), &resources, [count as u32 / 64, 1, 1]).expect("runs");
+    let steps = resources.read_words("steps").expect("reads back");
+    let mean = steps.iter().sum::<u32>() as f32 / count as f32;
+    let across = |(a, b): &(Vec3, Vec3)| ((*b - *a) / grid.voxel_size).abs().element_sum();
+    let voxels = ends.iter().map(across).sum::<f32>() / count as f32;
+    println!("{mean:.1} steps a ray, {} at most, through {voxels:.1} voxels", steps.iter().max().unwrap_or(&0));
+    assert!(mean > 1.0 && mean < voxels / 2.0, "{mean} steps through {voxels} voxels");
+}
+
 /// Distance to the front of a triangle. Moeller and Trumbore 1997.
 pub fn intersect([a, b, c]: &[Vec3; 3], origin: Vec3, direction: Vec3) -> Option<f32> {
     let (e1, e2) = (*b - *a, *c - *a);

@@ -144,14 +144,14 @@ fn maps_agree_with_exact_rays() {
             if id.x >= arrayLength(&seen) {
                 return;
             }
-            let light = u32(points[id.x].w);
-            seen[id.x] = u32(atlas_visible(light, vpls[light], points[id.x].xyz));
+            let light = u32(points[2u * id.x].w);
+            seen[id.x] = u32(atlas_visible(light, vpls[light], points[2u * id.x].xyz, points[2u * id.x + 1u].xyz));
         }";
     let (scene, mut random) = (scene(), Random::new(5));
     let lights = surface_points(&scene, &mut random, LIGHTS);
     let resources = draw(&scene, &lights, &mut random);
     let points = surface_points(&scene, &mut random, 20_000);
-    let pairs: Vec<(usize, Vec3)> = points
+    let pairs: Vec<(usize, Vec3, Vec3)> = points
         .into_iter()
         .enumerate()
         .filter(|&(i, (position, normal))| {
@@ -159,16 +159,17 @@ fn maps_agree_with_exact_rays() {
             let to = (position - from).normalize();
             to.dot(facing) > 0.0 && to.dot(normal) < 0.0
         })
-        .map(|(i, (position, _))| (i % LIGHTS, position))
+        .map(|(i, (position, normal))| (i % LIGHTS, position, normal))
         .collect();
-    let packed: Vec<f32> = pairs.iter().flat_map(|(light, p)| [p.x, p.y, p.z, *light as f32]).collect();
+    let packed: Vec<f32> =
+        pairs.iter().flat_map(|(light, p, n)| [p.x, p.y, p.z, *light as f32, n.x, n.y, n.z, 0.0]).collect();
     let resources = resources.floats("points", &packed).zeroed("seen", pairs.len());
     let kernel = gpu().kernel(&compose_source(LOOK, "look.wgsl", &[]).expect("composes"), "look");
     let groups = pairs.len().div_ceil(64) as u32;
     gpu().dispatch(&kernel.expect("the device takes it"), &resources, [groups, 1, 1]).expect("runs");
     let seen = resources.read_words("seen").expect("reads back");
     let (mut agree, mut lit, mut both) = (0, 0, 0);
-    for ((light, position), seen) in pairs.iter().zip(seen) {
+    for ((light, position, _), seen) in pairs.iter().zip(seen) {
         let from = lights[*light].0 + lights[*light].1 * 1e-4;
         let to = *position - from;
         let exact = nearest(&scene, from, to.normalize(), 1e-4).is_none_or(|t| t > to.length() - 1e-3);

@@ -9,7 +9,7 @@
 //!
 //! A tile maps the hemisphere to a square by the half octahedron, without waste. Each texel is tested against the planes through
 //! the light and a triangle's edges, so that large triangles stay straight. A point is hidden where it lies behind the plane of
-//! the surface that its texel shows: however coarse texels are, neither planes nor corners shadow themselves.
+//! the surface that its texel shows, and that before its own: however coarse texels are, surfaces do not shadow themselves.
 //!
 //! Imperfect shadow maps (Ritschel et al. 2008) fill the same tiles from points spread over the surfaces.
 //!

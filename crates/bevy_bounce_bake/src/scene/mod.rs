@@ -1,0 +1,112 @@
+//! What is baked: the triangles of a scene and their colours, in the space of the scene's root.
+
+mod check;
+mod materials;
+mod read;
+mod source;
+
+pub use materials::{Material, Picture};
+pub use source::Source;
+
+use glam::{Vec2, Vec3};
+
+use crate::BakeError;
+
+/// Smallest and largest object that can be baked, in world units: products of four lengths stay numbers.
+const LEAST_DIAMETER: f32 = 1.0e-6;
+const MOST_DIAMETER: f32 = 1.0e6;
+
+/// One primitive of one mesh, as one node places it.
+#[derive(Clone, Debug, Default)]
+pub struct Part {
+    /// Name of the mesh and number of the primitive, for messages.
+    pub name: String,
+    /// Numbers of node, mesh and primitive in the source.
+    pub numbers: [u32; 3],
+    /// Positions in world units.
+    pub positions: Vec<Vec3>,
+    /// Three indices a triangle, counter-clockwise from the front.
+    pub triangles: Vec<[u32; 3]>,
+    /// Number of each in the source, where those without area count too.
+    pub source_triangles: Vec<u32>,
+    /// Triangles in the source.
+    pub source_count: u32,
+    /// First UV set, for the colour texture.
+    pub uv0: Option<Vec<Vec2>>,
+    /// Second UV set, for the atlas.
+    pub uv1: Option<Vec<Vec2>>,
+    /// Linear vertex colours.
+    pub colors: Option<Vec<Vec3>>,
+    /// Which of [`Scene::materials`].
+    pub material: usize,
+}
+
+/// The object to bake: everything its scene shows that is rigid.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// In the order of the nodes.
+    pub parts: Vec<Part>,
+    /// Colours; the last one is glTF's default material.
+    pub materials: Vec<Material>,
+    /// Hash of the source, for telling whether a bake belongs to it.
+    pub source_hash: u64,
+}
+
+impl Part {
+    /// A white part. Triangles without area are left out.
+    fn new(name: String, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Result<Self, String> {
+        if let Some(vertex) = positions.iter().position(|position| !position.is_finite()) {
+            return Err(format!("the position of vertex {vertex} is not a finite number; export it anew"));
+        }
+        if let Some(index) = triangles.as_flattened().iter().find(|&&index| index as usize >= positions.len()) {
+            return Err(format!("index {index} is past the {} vertices; export it anew", positions.len()));
+        }
+        let area = |corners: &[u32; 3]| {
+            let [a, b, c] = corners.map(|index| positions[index as usize]);
+            (b - a).cross(c - a).length_squared()
+        };
+        let source_count = triangles.len() as u32;
+        let solid = (0..source_count).zip(triangles).filter(|(_, corners)| area(corners) > 0.0);
+        let (source_triangles, triangles) = solid.unzip();
+        Ok(Self { name, positions, triangles, source_triangles, source_count, ..Self::default() })
+    }
+}
+
+impl Scene {
+    /// A single white mesh, without a glTF file.
+    pub fn from_mesh(name: &str, positions: Vec<Vec3>, triangles: Vec<[u32; 3]>) -> Result<Self, BakeError> {
+        let part = Part::new(name.to_owned(), positions, triangles);
+        let part = part.map_err(|problem| BakeError::source(name, problem))?;
+        let scene = Self { parts: vec![part], materials: vec![Material::default()], source_hash: 0 };
+        scene.checked(name)
+    }
+
+    /// Whether there is something to bake, of a size that can be reckoned with.
+    fn checked(self, name: &str) -> Result<Self, BakeError> {
+        if self.parts.iter().all(|part| part.triangles.is_empty()) {
+            let problem = "shows no triangle of any area: export meshes with faces";
+            return Err(BakeError::source(name, problem.to_owned()));
+        }
+        let (min, max) = self.bounds();
+        let diameter = min.distance(max);
+        if !(LEAST_DIAMETER..=MOST_DIAMETER).contains(&diameter) {
+            let problem =
+                format!("is {diameter:e} units large; scale it to between {LEAST_DIAMETER:e} and {MOST_DIAMETER:e}");
+            return Err(BakeError::source(name, problem));
+        }
+        Ok(self)
+    }
+
+    /// Three corners of each triangle, part by part.
+    pub fn triangles(&self) -> impl Iterator<Item = [Vec3; 3]> + '_ {
+        self.parts
+            .iter()
+            .flat_map(|part| part.triangles.iter().map(|corners| corners.map(|index| part.positions[index as usize])))
+    }
+
+    /// Smallest and largest corner of the box round all triangles.
+    pub fn bounds(&self) -> (Vec3, Vec3) {
+        let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        self.triangles().flatten().fold(empty, |(min, max), corner| (min.min(corner), max.max(corner)))
+    }
+}
