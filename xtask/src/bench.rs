@@ -264,7 +264,8 @@ mod tests {
         assert_eq!(options.scenes, ["cornell", "sponza"]);
         assert_eq!(options.sizes, ["320x180", "640x360"]);
         assert_eq!(options.vpls, [256, 1024, 4096]);
-        assert_eq!(options.visibilities, ["none", "voxel"]);
+        assert_eq!(options.visibilities, ["none", "voxel", "ism", "atlas"]);
+        assert!(!options.dev && parse(&["--dev"], true)?.is_some_and(|options| options.dev));
         assert_eq!(options.growth.last(), Some(&1_000_000));
         assert_eq!(parse(&[], false)?.map(|options| options.scenes), Some(vec!["cornell".to_owned()]));
         Ok(())
@@ -303,8 +304,8 @@ mod tests {
         let titles: Vec<String> = jobs.iter().map(Job::title).collect();
         assert_eq!(titles[0], "cornell 320x180 plain Bevy");
         assert_eq!(titles[1], "cornell 320x180 256 virtual lights, visibility none");
-        assert_eq!(titles[3], "cornell 640x360 plain Bevy");
-        assert_eq!(titles.len(), 6);
+        assert_eq!(titles[5], "cornell 640x360 plain Bevy");
+        assert_eq!(titles.len(), 10);
         assert_eq!(jobs[0].viewer_args(), ["--size", "320x180", "--plain-bevy"]);
         assert_eq!(jobs[1].viewer_args(), ["--size", "320x180", "--visibility", "none", "--vpls", "256"]);
         Ok(())
