@@ -78,7 +78,7 @@ impl SortBuffers {
         };
         let pairs = || storage("bounce_sort_pairs", u64::from(capacity.max(1)) * PAIR);
         let blocks = u64::from(capacity.div_ceil(SORT_BLOCK).max(1));
-        Self { pairs: [pairs(), pairs()], counts: storage("bounce_sort_counts", blocks * 4 << DIGIT_BITS), capacity }
+        Self { pairs: [pairs(), pairs()], counts: storage("bounce_sort_counts", (blocks * 4) << DIGIT_BITS), capacity }
     }
 
     /// What is to be sorted.
