@@ -5,6 +5,7 @@ use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
 
 use crate::SsbcSettings;
+use crate::compute::MAX_WORKGROUPS;
 
 /// Lights what this camera sees with bounced light, computed afresh every frame.
 ///
@@ -63,7 +64,7 @@ pub struct GiSettings {
     pub tile: u32,
     /// Scale of the bound of the geometry term, which by itself is that of two surfaces at the distance between lights (their
     /// number over the scene's area): 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches. `ssbc`
-    /// gives back what a low one takes, as far as the camera sees it, at a cost that grows with the inverse root or so.
+    /// gives back what a low one takes, as far as the camera sees it.
     pub bound: f32,
     /// Compensation of what the bounded geometry term takes from corners.
     pub ssbc: SsbcSettings,
@@ -73,9 +74,10 @@ pub struct GiSettings {
 const OCCLUSION_BUDGET: u32 = 1 << 22;
 
 impl GiSettings {
-    /// Triangles that cast shadows, at most: levels of detail are chosen accordingly.
+    /// Triangles that cast shadows, at most: levels of detail are chosen accordingly. One dispatch places them, a workgroup a
+    /// mesh or more.
     pub(crate) fn occluders(&self) -> u32 {
-        OCCLUSION_BUDGET / self.vpls.max(1)
+        (OCCLUSION_BUDGET / self.vpls.max(1)).min(MAX_WORKGROUPS)
     }
 }
 
@@ -87,7 +89,7 @@ pub enum VplVisibility {
     /// A ray through the voxel grid for every virtual light and pixel.
     Voxel,
     /// Imperfect shadow maps: as `Atlas`, drawn from points spread over the surfaces. Cost does not depend on the number of
-    /// triangles. Coarse: bounced light is too dark in large scenes, by 40 % in Sponza.
+    /// triangles. Coarse: bounced light is too dark in large scenes.
     Ism,
     /// A shadow map over the hemisphere of every virtual light, into which the scene's triangles are drawn; of large meshes, a
     /// coarser version. Triangles times lights are bounded: where a scene has so many that the coarser versions would be more

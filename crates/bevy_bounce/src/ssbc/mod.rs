@@ -78,7 +78,7 @@ pub enum SsbcResolution {
     /// Each.
     Full,
     /// Each fourth; between them it is interpolated within surfaces, and integrated anew at pixels whose surface has too
-    /// few of them near. A third of the time of `Full`, or so, and hardly another picture.
+    /// few of them near.
     #[default]
     Half,
 }
