@@ -46,6 +46,8 @@ shaders! {
     "vpl/trace.wgsl" => ["trace_paths"],
     "vpl/order.wgsl" => ["scan_paths", "write_pairs"],
     "vpl/list.wgsl" => ["scan_weights", "build_list"],
+    "vpl/density.wgsl" => ["measure_density"],
+    "vpl/bound.wgsl" => [],
     "shadow_atlas/types.wgsl" => [],
     "shadow_atlas/tile.wgsl" => [],
     "shadow_atlas/lookup.wgsl" => [],

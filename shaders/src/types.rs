@@ -312,10 +312,12 @@ pub struct VplHeader {
     pub subset_start: [u32; SUBSETS + 1],
     /// Paths traced: fluxes are divided by it.
     pub path_count: u32,
-    /// Largest geometry term, 1/m^2.
+    /// Largest geometry term where lights lie as densely as on the average, 1/m^2.
     pub geometry_bound: f32,
     /// Lights in the list.
     pub count: u32,
+    /// Lights that a vertex of weight 1 would make.
+    pub lights_per_weight: f32,
 }
 
 /// [`Occluder::flags`]: casts from both sides.

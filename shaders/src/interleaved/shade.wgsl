@@ -8,6 +8,7 @@
 
 #import bevy_render::view::View
 #import bevy_bounce::shared::sampling::PI
+#import bevy_bounce::vpl::bound::geometry_bound
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS}
 #import bevy_bounce::interleaved::surface::{Surface, unpack_surface}
 #ifdef VISIBILITY_VOXEL
@@ -53,6 +54,7 @@ fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
 // Irradiance over pi, cd/m^2.
 fn gather(surface: Surface, subset: u32) -> vec3<f32> {
     var light = vec3<f32>(0.0);
+    let bound = geometry_bound(header, surface.position);
     let end = header.subset_start[subset + 1u];
     for (var i = header.subset_start[subset]; i < end; i++) {
         let vpl = vpls[i];
@@ -60,7 +62,7 @@ fn gather(surface: Surface, subset: u32) -> vec3<f32> {
         let square = max(dot(to_vpl, to_vpl), 1e-12);
         let direction = to_vpl * inverseSqrt(square);
         let cosines = max(dot(surface.normal, direction), 0.0) * max(-dot(vpl.normal, direction), 0.0);
-        let geometry_term = min(cosines / square, header.geometry_bound);
+        let geometry_term = min(cosines / square, bound);
         if geometry_term > 0.0 && is_visible(i, vpl, surface) {
             light += vpl.flux * geometry_term;
         }

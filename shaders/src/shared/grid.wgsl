@@ -72,9 +72,14 @@ fn cell_index(word: u32, facing: u32) -> u32 {
 /// Edge of a brick, voxels.
 const BRICK: u32 = 8u;
 
+/// Bricks along each axis.
+fn brick_dims(grid: Grid) -> vec3<u32> {
+    return (grid.dims + (BRICK - 1u)) / BRICK;
+}
+
 /// Index of a brick of voxels.
 fn brick_index(grid: Grid, brick: vec3<u32>) -> u32 {
-    let dims = (grid.dims + (BRICK - 1u)) / BRICK;
+    let dims = brick_dims(grid);
     return (brick.z * dims.y + brick.y) * dims.x + brick.x;
 }
 

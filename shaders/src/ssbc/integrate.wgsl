@@ -19,11 +19,12 @@
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::ssbc::common::{parameters, surface_texture, view_lens, position_at, texel_at, Lens}
 #import bevy_bounce::ssbc::hierarchy::{decode_range, EDGE, SSBC_LEVELS}
+#import bevy_bounce::vpl::bound::geometry_bound
 #import bevy_bounce::vpl::types::VplHeader
 
 @group(0) @binding(4) var<storage, read> header: VplHeader;
-@group(0) @binding(5) var radiance_texture: texture_2d<f32>;
-@group(0) @binding(6) var hierarchy: texture_2d<u32>;
+@group(0) @binding(7) var radiance_texture: texture_2d<f32>;
+@group(0) @binding(8) var hierarchy: texture_2d<u32>;
 
 /// Sines of angles below which two surfaces are one plane: what normals of the G-buffer tell no more.
 const FLAT: f32 = 0.002;
@@ -35,6 +36,8 @@ struct Receiver {
     normal: vec3<f32>,
     // By how much what is seen in a texel may be higher over the plane than its middle, over the texel's edge.
     slope: f32,
+    // Of the geometry term, 1/m^2.
+    bound: f32,
 }
 
 struct Visit {
@@ -46,9 +49,9 @@ const NOTHING: Visit = Visit(vec3<f32>(0.0), false);
 const REFINE: Visit = Visit(vec3<f32>(0.0), true);
 
 // What the geometry term has above the bound: heights of each end over the other's plane, square of the distance.
-fn residual_term(height: f32, other_height: f32, square: f32, area: f32) -> f32 {
+fn residual_term(receiver: Receiver, height: f32, other_height: f32, square: f32, area: f32) -> f32 {
     let cosines = height * other_height / square;
-    return max(cosines / (square + area / PI) - header.geometry_bound, 0.0);
+    return max(cosines / (square + area / PI) - receiver.bound, 0.0);
 }
 
 fn visit_pixel(lens: Lens, receiver: Receiver, pixel: vec2<i32>) -> Visit {
@@ -63,16 +66,16 @@ fn visit_pixel(lens: Lens, receiver: Receiver, pixel: vec2<i32>) -> Visit {
     let offset = position.xyz - receiver.position;
     let square = dot(offset, offset);
     let height = dot(receiver.normal, offset);
-    if height <= 0.0 || square * header.geometry_bound >= 1.0 {
+    if height <= 0.0 || square * receiver.bound >= 1.0 {
         return NOTHING;
     }
     let other_height = -dot(decode_unit(texel.y), offset);
-    if other_height * height <= square * square * header.geometry_bound {
+    if other_height * height <= square * square * receiver.bound {
         return NOTHING;
     }
     let radiance = textureLoad(radiance_texture, pixel, 0);
     let area = radiance.a * position.w * position.w;
-    return Visit(radiance.rgb * (area * residual_term(height, other_height, square, area)), false);
+    return Visit(radiance.rgb * (area * residual_term(receiver, height, other_height, square, area)), false);
 }
 
 // Radius of a texel whose surface has that area, over its edge.
@@ -96,7 +99,7 @@ fn visit_plane(lens: Lens, receiver: Receiver, texel: vec2<i32>, level: u32, wor
     let nearest = max(distance - radius, other_height);
     let nearest_square = nearest * nearest;
     if other_height <= flat || height <= flat
-        || height * other_height <= header.geometry_bound * nearest_square * nearest_square {
+        || height * other_height <= receiver.bound * nearest_square * nearest_square {
         return NOTHING;
     }
     // Seen from its middle alone, a texel that reaches over the receiver would look small.
@@ -106,7 +109,7 @@ fn visit_plane(lens: Lens, receiver: Receiver, texel: vec2<i32>, level: u32, wor
     if solid_angle > parameters.solid_angle {
         return REFINE;
     }
-    let weight = area * residual_term(max(middle, 0.0), other_height, square, area);
+    let weight = area * residual_term(receiver, max(middle, 0.0), other_height, square, area);
     return Visit(rgb9e5_to_vec3_(words.w) * weight, false);
 }
 
@@ -124,7 +127,7 @@ fn visit_edge(lens: Lens, receiver: Receiver, texel: vec2<i32>, level: u32, word
         dot(receiver.normal, to_near) + receiver.slope * near.w,
         dot(receiver.normal, to_far) + receiver.slope * far.w,
     );
-    if height <= FLAT * far.w || height <= header.geometry_bound * nearest * nearest * nearest {
+    if height <= FLAT * far.w || height <= receiver.bound * nearest * nearest * nearest {
         return NOTHING;
     }
     let position = texel_at(lens, texel, level, 0.5 * (range.x + range.y));
@@ -135,7 +138,7 @@ fn visit_edge(lens: Lens, receiver: Receiver, texel: vec2<i32>, level: u32, word
     let offset = position.xyz - receiver.position;
     let other_height = max(-dot(decode_unit(words.y), offset), 0.0);
     let square = max(dot(offset, offset), 1e-20);
-    let weight = area * residual_term(max(dot(receiver.normal, offset), 0.0), other_height, square, area);
+    let weight = area * residual_term(receiver, max(dot(receiver.normal, offset), 0.0), other_height, square, area);
     return Visit(rgb9e5_to_vec3_(words.w) * weight, false);
 }
 
@@ -192,14 +195,15 @@ fn descend(lens: Lens, receiver: Receiver, pixel: vec2<u32>, radius: f32, root: 
 
 /// Irradiance over pi that the bound took from the surface at a pixel.
 fn residual_light(surface: Surface, pixel: vec2<u32>) -> vec3<f32> {
-    if header.count == 0u || header.geometry_bound <= 0.0 {
+    let bound = geometry_bound(header, surface.position);
+    if header.count == 0u || bound <= 0.0 {
         return vec3<f32>(0.0);
     }
     let lens = view_lens();
     let slope = 0.5 * (abs(dot(surface.normal, lens.x.xyz)) + abs(dot(surface.normal, lens.y.xyz)));
-    let receiver = Receiver(surface.position, surface.normal, slope / lens.pixel);
+    let receiver = Receiver(surface.position, surface.normal, slope / lens.pixel, bound);
     let size = vec2<f32>(textureDimensions(surface_texture));
-    let radius = inverseSqrt(header.geometry_bound) / max(surface.footprint, 1e-20);
+    let radius = inverseSqrt(bound) / max(surface.footprint, 1e-20);
     let top = u32(clamp(ceil(log2(radius + 0.5)), 0.0, f32(SSBC_LEVELS)));
     let low = vec2<i32>(max(vec2<f32>(pixel) - radius, vec2<f32>(0.0))) >> vec2<u32>(top);
     let high = vec2<i32>(min(vec2<f32>(pixel) + radius, size - 1.0)) >> vec2<u32>(top);

@@ -12,7 +12,7 @@
 
 #import bevy_bounce::shared::grid::{Grid, COUNTER_AREA}
 #import bevy_bounce::shared::sampling::sample_square
-#import bevy_bounce::vpl::types::{Vpl, VplParameters, VplHeader, SUBSETS, luminance}
+#import bevy_bounce::vpl::types::{Vpl, VplParameters, VplHeader, SUBSETS, luminance, vertex_weight}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> grid: Grid;
@@ -61,24 +61,24 @@ fn exclusive_sum(value: u32, lane: u32) -> u32 {
     return scratch[lane] - value;
 }
 
-fn vertex_weight(index: u32) -> f32 {
-    return pow(f32(max(brick_counts[vertices[pairs[index].y].brick], 1u)), -1.0 / 3.0);
+fn weight_of(index: u32) -> f32 {
+    return vertex_weight(brick_counts[vertices[pairs[index].y].brick]);
 }
 
-// Largest geometry term: that of two surfaces which face each other at the distance between lights, the root of the area of all
-// facings over their number.
-fn geometry_bound(count: u32) -> f32 {
+// See `bound.wgsl`; here for the lights and the area of the whole scene.
+fn mean_bound(count: u32) -> f32 {
     let area = f32(counters[COUNTER_AREA]) / 256.0 * grid.voxel_size * grid.voxel_size;
     return parameters.bound_scale * f32(count) / max(area, 1e-12);
 }
 
-fn write_header(count: u32) {
+fn write_header(count: u32, lights_per_weight: f32) {
     for (var subset = 0u; subset <= SUBSETS; subset++) {
         header.subset_start[subset] = subset * (count / SUBSETS) + min(subset, count % SUBSETS);
     }
     header.count = count;
     header.path_count = parameters.path_count;
-    header.geometry_bound = geometry_bound(count);
+    header.geometry_bound = mean_bound(count);
+    header.lights_per_weight = lights_per_weight;
 }
 
 @compute @workgroup_size(256)
@@ -89,7 +89,7 @@ fn scan_weights(@builtin(local_invocation_index) lane: u32) {
     let end = min(first + chunk, count);
     var weight = 0.0;
     for (var i = first; i < end; i++) {
-        weight += vertex_weight(i);
+        weight += weight_of(i);
     }
     // One place is left for what rounding adds.
     let scale = f32((parameters.capacity - 1u) << ONE_SHIFT) / max(total(weight, lane), 1e-30);
@@ -97,16 +97,16 @@ fn scan_weights(@builtin(local_invocation_index) lane: u32) {
     var sum = 0u;
     for (var i = first; i < end; i++) {
         starts[i] = sum;
-        sum += u32(min(vertex_weight(i) * scale, one));
+        sum += u32(min(weight_of(i) * scale, one));
     }
     let before = exclusive_sum(sum, lane);
     for (var i = first; i < end; i++) {
         starts[i] += before;
     }
     if lane == 0u && count == 0u {
-        write_header(0u);
+        write_header(0u, 0.0);
     } else if end == count && first < end {
-        write_header(min((starts[count - 1u] >> ONE_SHIFT) + 1u, parameters.capacity));
+        write_header(min((starts[count - 1u] >> ONE_SHIFT) + 1u, parameters.capacity), scale / one);
     }
 }
 

@@ -42,10 +42,22 @@ struct VplHeader {
     subset_start: array<u32, 17>,
     // Paths traced.
     path_count: u32,
-    // Largest geometry term, 1/m^2.
+    // Largest geometry term where lights lie as densely as on the average, 1/m^2.
     geometry_bound: f32,
     // Lights in the list.
     count: u32,
+    // Lights that a vertex of weight 1 would make.
+    lights_per_weight: f32,
+}
+
+/// How much a vertex counts among that many around it.
+fn vertex_weight(count: u32) -> f32 {
+    return pow(f32(max(count, 1u)), -1.0 / 3.0);
+}
+
+/// Lights that so many vertices around each other make.
+fn brick_lights(header: VplHeader, count: u32) -> f32 {
+    return f32(count) * min(vertex_weight(count) * header.lights_per_weight, 1.0);
 }
 
 /// Where vertex `index` of a path is stored.

@@ -8,7 +8,7 @@ use bevy::prelude::*;
 use bevy_bounce::{GiIsolate, GiSettings, SsbcResolution, SsbcSettings};
 use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
 use bevy_bounce_examples::scenes::{Builder, CornellPlugin, Walls};
-use bevy_bounce_shaders::types::{SSBC_LEVELS, SsbcParameters, VplHeader};
+use bevy_bounce_shaders::types::{Grid, SSBC_LEVELS, SsbcParameters, VplHeader};
 use bevy_bounce_tests::compose::compose;
 use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::layout::wgsl_layouts;
@@ -157,6 +157,8 @@ fn shipped(eye: &Eye, gbuffer: &GBuffer, parameters: SsbcParameters, bound: f32)
         .bytes("view", &eye.uniform())
         .uniform("parameters", &parameters)
         .structs("header", &[header])
+        .uniform("grid", &Grid { voxel_size: 1.0, dims: UVec3::ONE, ..Default::default() })
+        .floats("densities", &[bound, 1.0])
         .texture("surface_texture", TextureFormat::Rg32Uint, size, false, surface)
         .texture("radiance_texture", TextureFormat::Rgba16Float, size, false, &half_texels(&gbuffer.radiance))
         .texture("output", TextureFormat::R32Uint, size, false, &[])

@@ -33,7 +33,9 @@ pub(super) fn shade(
 ) {
     let (gi, textures, offset) = view.into_inner();
     let (Some(_), Some(p), Some(vpl), Some(grid)) = (settings.0, pipelines, vpl, grid) else { return };
-    let Some(view_buffer) = view_uniforms.uniforms.buffer() else { return };
+    let (Some(view_buffer), Some(grid_uniform)) = (view_uniforms.uniforms.buffer(), grid.uniform.binding()) else {
+        return;
+    };
     let atlas_group = atlas.and_then(|atlas| bind_atlas(&atlas, ctx.render_device(), &cache));
     let (visibility, visibility_group) = match (gi.settings.visibility, atlas_group) {
         (VplVisibility::None, _) => (VplVisibility::None, None),
@@ -59,6 +61,8 @@ pub(super) fn shade(
             whole(&vpl.header),
             whole(&vpl.vpls),
             texture(&textures.interleaved),
+            grid_uniform,
+            whole(&vpl.densities),
         ],
     );
     let filter_group = p.filter.bind(

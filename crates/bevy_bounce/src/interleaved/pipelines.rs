@@ -40,8 +40,8 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let kernel = |path, entry, bindings: &[_], groups: &[_], defs| {
         Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
     };
-    // View; surface; header, list; light.
-    let shade = [uniform, surface, read, read, output];
+    // View; surface; header, list; light; grid, densities.
+    let shade = [uniform, surface, read, read, output, uniform, read];
     // View; surface, light of the subsets; light.
     let filter = [uniform, surface, light, output];
     let voxel = vec!["VISIBILITY_VOXEL".into()];

@@ -4,7 +4,7 @@ use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
-    BindGroup, BindingResource, Buffer, BufferBinding, CommandEncoder, LoadOp, Operations, PipelineCache,
+    BindGroup, BindingResource, BufferBinding, CommandEncoder, LoadOp, Operations, PipelineCache,
     RenderPassColorAttachment, RenderPassDescriptor, ShaderType, StoreOp, TextureView,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
@@ -13,6 +13,7 @@ use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use super::SsbcTextures;
 use super::pipelines::SsbcPipelines;
 use crate::GiIsolate;
+use crate::avg::VoxelGrid;
 use crate::compute::{bind_group, whole};
 use crate::view::{GiView, ViewTextures};
 use crate::vpl::VplBuffers;
@@ -27,7 +28,8 @@ struct Inputs<'a> {
     view: BindingResource<'a>,
     parameters: BindingResource<'a>,
     deferred: &'a TextureView,
-    header: &'a Buffer,
+    vpl: &'a VplBuffers,
+    grid: BindingResource<'a>,
     textures: &'a ViewTextures,
     ours: &'a SsbcTextures,
 }
@@ -55,7 +57,8 @@ impl<'a> Inputs<'a> {
     /// Bindings of what integrates, with number 3.
     fn integrand(&self, residual: &'a TextureView) -> Vec<BindingResource<'a>> {
         let (radiance, hierarchy) = (texture(&self.textures.interleaved), texture(&self.ours.hierarchy));
-        self.with([texture(residual), whole(self.header), radiance, hierarchy])
+        let (header, densities) = (whole(&self.vpl.header), whole(&self.vpl.densities));
+        self.with([texture(residual), header, self.grid.clone(), densities, radiance, hierarchy])
     }
 
     fn groups(&self, p: &SsbcPipelines, device: &RenderDevice, cache: &PipelineCache) -> Groups {
@@ -125,15 +128,18 @@ pub(super) fn compensate(
     pipelines: Option<Res<SsbcPipelines>>,
     view_uniforms: Res<ViewUniforms>,
     vpl: Option<Res<VplBuffers>>,
+    grid: Option<Res<VoxelGrid>>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
     let (gi, textures, ours, prepass, offset) = view.into_inner();
-    let (Some(p), Some(vpl)) = (pipelines, vpl) else { return };
+    let (Some(p), Some(vpl), Some(grid)) = (pipelines, vpl, grid) else { return };
     if gi.isolate == GiIsolate::Bounded || !p.are_ready(&cache) {
         return;
     }
-    let (Some(view_buffer), Some(parameters)) = (view_uniforms.uniforms.buffer(), ours.parameters.binding()) else {
+    let (Some(view_buffer), Some(parameters), Some(grid_uniform)) =
+        (view_uniforms.uniforms.buffer(), ours.parameters.binding(), grid.uniform.binding())
+    else {
         return;
     };
     let (Some(deferred), Some(apply)) = (prepass.deferred_view(), cache.get_render_pipeline(p.apply)) else { return };
@@ -145,7 +151,8 @@ pub(super) fn compensate(
         }),
         parameters,
         deferred,
-        header: &vpl.header,
+        vpl: &vpl,
+        grid: grid_uniform,
         textures,
         ours,
     };

@@ -56,9 +56,9 @@ pub(super) fn init_pipelines(
     let radiance = [uniform, uniform, words, words, words, light, light, write(TextureFormat::Rgba16Float)];
     // View, parameters, surface, level below; three levels.
     let reduce = |below| [uniform, uniform, words, below, node, node, node];
-    // View, parameters, surface, residual; header, radiance, levels.
-    let gather = [uniform, uniform, words, residual, header, light, words];
-    let apply = [uniform, uniform, words, words, header, light, words];
+    // View, parameters, surface, residual; header, grid, densities, radiance, levels.
+    let integrand = |residual| [uniform, uniform, words, residual, header, uniform, header, light, words];
+    let (gather, apply) = (integrand(residual), integrand(words));
     // View, parameters, surface, residual; blurred.
     let blur = [uniform, uniform, words, words, residual];
 

@@ -10,8 +10,9 @@
 //! | `order` | 1.7 MiB | key and slot of each vertex, twice for the sort |
 //! | `starts` | 416 KiB | where in the list each vertex of the order begins |
 //! | `brick_counts` | 2 KiB | vertices in each brick of the grid |
+//! | `densities` | 4 KiB | lights and area of the surfaces in each brick |
 //! | `vpls` | 48 KiB | the list: position, normal, flux |
-//! | `header` | 80 B | where each of the sixteen subsets begins, paths, bound of the geometry term |
+//! | `header` | 84 B | where each of the sixteen subsets begins, paths, mean bound of the geometry term |
 //! | `emitters` | 80 B a triangle | emissive triangles and the running sum of their power |
 //!
 //! Flux is in lumens; a virtual light of flux F sends F / pi * cos candela.

@@ -84,7 +84,7 @@ pub(super) fn trace_vpls(
         &device,
         &cache,
         &[
-            parameters,
+            parameters.clone(),
             grid_uniform,
             whole(vpl.vertices(&grid)),
             whole(&vpl.vertex_count),
@@ -95,6 +95,11 @@ pub(super) fn trace_vpls(
             whole(&vpl.header),
             whole(&vpl.vpls),
         ],
+    );
+    let density = p.measure_density.bind(
+        &device,
+        &cache,
+        &[parameters, whole(&vpl.header), whole(&vpl.brick_counts), whole(&vpl.densities)],
     );
 
     let diagnostics = ctx.diagnostic_recorder();
@@ -113,5 +118,6 @@ pub(super) fn trace_vpls(
     sort.sort(&device, encoder, &cache, &vpl.order, &vpl.vertex_count, VERTEX_KEY_BITS);
     p.scan_weights.dispatch(encoder, &cache, &[&list], UVec3::ONE);
     p.build_list.dispatch(encoder, &cache, &[&list], groups(capacity));
+    p.measure_density.dispatch(encoder, &cache, &[&density, &grid_group], UVec3::new(grid.brick_count() as u32, 1, 1));
     span.end(encoder);
 }

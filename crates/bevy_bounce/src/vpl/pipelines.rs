@@ -19,6 +19,7 @@ pub(super) struct VplPipelines {
     pub write_pairs: Kernel,
     pub scan_weights: Kernel,
     pub build_list: Kernel,
+    pub measure_density: Kernel,
 }
 
 pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
@@ -36,6 +37,8 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let order = [uniform, uniform, read, write, write, write];
     // Parameters, grid; vertices, vertex count, pairs, brick counts, counters; starts, header, list.
     let list = [uniform, uniform, read, read, read, read, read, write, write, write];
+    // Parameters; header, brick counts; densities.
+    let density = [uniform, read, read, write];
     commands.insert_resource(VplPipelines {
         collect_emitters: kernel("vpl/emitters.wgsl", "collect", &emitters, &[]),
         accumulate_emitters: kernel("vpl/emitters.wgsl", "accumulate", &emitters, &[]),
@@ -44,5 +47,6 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
         write_pairs: kernel("vpl/order.wgsl", "write_pairs", &order, &[]),
         scan_weights: kernel("vpl/list.wgsl", "scan_weights", &list, &[]),
         build_list: kernel("vpl/list.wgsl", "build_list", &list, &[]),
+        measure_density: kernel("vpl/density.wgsl", "measure_density", &density, &[grid_layout()]),
     });
 }

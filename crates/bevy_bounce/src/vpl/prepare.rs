@@ -31,6 +31,8 @@ pub(crate) struct VplBuffers {
     pub starts: Buffer,
     /// Vertices in each brick of the grid.
     pub brick_counts: Buffer,
+    /// By brick: lights, times the scale of the bound; area of the surfaces, square world units.
+    pub densities: Buffer,
     /// The list.
     pub vpls: Buffer,
     /// What the list holds.
@@ -52,6 +54,7 @@ impl VplBuffers {
             order: SortBuffers::new(device, slots as u32),
             starts: storage(device, "bounce_vpl_starts", slots * 4),
             brick_counts: storage(device, "bounce_path_bricks", 4),
+            densities: storage(device, "bounce_vpl_densities", 8),
             vpls: storage(device, "bounce_vpls", u64::from(parameters.capacity) * u64::from(Vpl::min_size())),
             header: storage(device, "bounce_vpl_header", u64::from(VplHeader::min_size())),
             emitters: storage(device, "bounce_emitters", emitter_bytes(1)),
@@ -75,7 +78,8 @@ impl VplBuffers {
                 "vpl: paths",
                 self.vertices.as_ref().map_or(0, |vertices| vertices.size())
                     + self.paths.size()
-                    + self.brick_counts.size(),
+                    + self.brick_counts.size()
+                    + self.densities.size(),
             ),
             ("vpl: order", self.order.bytes() + self.starts.size() + self.vertex_count.size()),
             ("vpl: list", self.vpls.size() + self.header.size()),
@@ -125,6 +129,7 @@ pub(super) fn prepare_vpls(
         }
         if buffers.brick_counts.size() < brick_bytes {
             buffers.brick_counts = storage(&device, "bounce_path_bricks", brick_bytes);
+            buffers.densities = storage(&device, "bounce_vpl_densities", 2 * brick_bytes);
         }
         if buffers.vertex_bytes <= shared_bytes {
             buffers.vertices = None;

@@ -1,0 +1,54 @@
+// How densely virtual lights lie on the surfaces of each brick of the grid: what the bound of the geometry term follows.
+//
+// Cost: a workgroup a brick, one word a voxel and one a cell.
+
+#import bevy_bounce::shared::grid::{BRICK, brick_dims, brick_index, voxel_index, voxel_facings, cell_area, CELL_MASK}
+#import bevy_bounce::shared::rays::{grid, voxels, cells}
+#import bevy_bounce::vpl::types::{VplHeader, VplParameters, brick_lights}
+
+@group(0) @binding(0) var<uniform> parameters: VplParameters;
+@group(0) @binding(1) var<storage, read> header: VplHeader;
+@group(0) @binding(2) var<storage, read> brick_counts: array<u32>;
+// By brick: lights times the scale of the bound, area of the surfaces in square world units.
+@group(0) @binding(3) var<storage, read_write> densities: array<vec2<f32>>;
+
+const GROUP: u32 = 64u;
+
+var<workgroup> areas: array<f32, GROUP>;
+
+fn voxel_area(voxel: vec3<u32>) -> f32 {
+    if any(voxel >= grid.dims) {
+        return 0.0;
+    }
+    let word = voxels[voxel_index(grid, vec3<i32>(voxel))];
+    let count = countOneBits(voxel_facings(word));
+    var area = 0.0;
+    for (var i = 0u; i < count; i++) {
+        area += cell_area(cells[(word & CELL_MASK) + i]);
+    }
+    return area;
+}
+
+@compute @workgroup_size(64)
+fn measure_density(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let dims = brick_dims(grid);
+    let brick = vec3<u32>(group.x % dims.x, (group.x / dims.x) % dims.y, group.x / (dims.x * dims.y));
+    let column = brick * BRICK + vec3<u32>(lane % BRICK, lane / BRICK, 0u);
+    var area = 0.0;
+    for (var z = 0u; z < BRICK; z++) {
+        area += voxel_area(column + vec3<u32>(0u, 0u, z));
+    }
+    areas[lane] = area;
+    workgroupBarrier();
+    for (var step = GROUP / 2u; step > 0u; step >>= 1u) {
+        if lane < step {
+            areas[lane] += areas[lane + step];
+        }
+        workgroupBarrier();
+    }
+    if lane == 0u {
+        let index = brick_index(grid, brick);
+        let lights = brick_lights(header, brick_counts[index]) * parameters.bound_scale;
+        densities[index] = vec2<f32>(lights, areas[0] * grid.voxel_size * grid.voxel_size);
+    }
+}
