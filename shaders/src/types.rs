@@ -236,8 +236,8 @@ pub struct Vpl {
     pub path: u32,
     /// Linear RGB flux, lumens.
     pub flux: Vec3,
-    /// Brick of 8^3 voxels it is in.
-    pub brick: u32,
+    /// Direction of the light that it reflects, octahedral, 2 snorm8; in the upper half, voxels which that had come freely, f16.
+    pub incoming: u32,
 }
 
 /// A path that was traced.

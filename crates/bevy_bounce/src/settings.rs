@@ -71,7 +71,7 @@ pub struct GiSettings {
 }
 
 /// Virtual lights times triangles that are drawn into their shadow maps, at most.
-const OCCLUSION_BUDGET: u32 = 1 << 22;
+const OCCLUSION_BUDGET: u32 = 1 << 24;
 
 impl GiSettings {
     /// Triangles that cast shadows, at most: levels of detail are chosen accordingly. One dispatch places them, a workgroup a

@@ -6,7 +6,7 @@
 
 #define_import_path bevy_bounce::shadow_atlas::tile
 
-#import bevy_bounce::shared::octahedral::{unit_to_octahedral, octahedral_to_unit}
+#import bevy_bounce::shared::octahedral::{encode_unit_8, decode_unit_8}
 #import bevy_bounce::shared::sampling::any_tangent
 
 /// Texel where nothing is.
@@ -51,8 +51,7 @@ fn tile_words(parameters: AtlasParameters) -> u32 {
 /// A surface at a depth in world units; of two, the lower word is the nearer.
 fn pack_texel(depth: f32, normal: vec3<f32>, far: f32) -> u32 {
     let steps = u32(clamp(depth / far, 0.0, 1.0) * (DEPTH_STEPS - 1.0));
-    let octahedral = vec2<i32>(round(clamp(unit_to_octahedral(normal), vec2<f32>(-1.0), vec2<f32>(1.0)) * 127.0));
-    return (steps << 16u) | (u32(octahedral.x & 0xff) << 8u) | u32(octahedral.y & 0xff);
+    return (steps << 16u) | encode_unit_8(normal);
 }
 
 /// World units.
@@ -61,6 +60,5 @@ fn texel_depth(texel: u32, far: f32) -> f32 {
 }
 
 fn texel_normal(texel: u32) -> vec3<f32> {
-    let octahedral = vec2<i32>(i32(texel << 16u) >> 24u, i32(texel << 24u) >> 24u);
-    return octahedral_to_unit(vec2<f32>(octahedral) / 127.0);
+    return decode_unit_8(texel);
 }

@@ -83,6 +83,12 @@ fn brick_index(grid: Grid, brick: vec3<u32>) -> u32 {
     return (brick.z * dims.y + brick.y) * dims.x + brick.x;
 }
 
+/// Index of the brick of a position in voxels; of one outside, that of the nearest.
+fn brick_at(grid: Grid, position: vec3<f32>) -> u32 {
+    let voxel = clamp(position, vec3<f32>(0.0), vec3<f32>(grid.dims - 1u));
+    return brick_index(grid, vec3<u32>(voxel) / BRICK);
+}
+
 /// Facing of a normal: +x, -x, +y, -y, +z, -z by its longest component.
 fn facing_of(normal: vec3<f32>) -> u32 {
     let a = abs(normal);

@@ -32,3 +32,15 @@ fn encode_unit(n: vec3<f32>) -> u32 {
 fn decode_unit(word: u32) -> vec3<f32> {
     return octahedral_to_unit(unpack2x16snorm(word));
 }
+
+/// A unit vector to the lower half of a word: two 8-bit signed normalised values, half a degree off at most.
+fn encode_unit_8(n: vec3<f32>) -> u32 {
+    let p = vec2<i32>(round(clamp(unit_to_octahedral(n), vec2<f32>(-1.0), vec2<f32>(1.0)) * 127.0));
+    return (u32(p.x & 0xff) << 8u) | u32(p.y & 0xff);
+}
+
+/// The unit vector in the lower half of a word.
+fn decode_unit_8(word: u32) -> vec3<f32> {
+    let p = vec2<i32>(i32(word << 16u) >> 24u, i32(word << 24u) >> 24u);
+    return octahedral_to_unit(vec2<f32>(p) / 127.0);
+}

@@ -10,7 +10,7 @@
 //
 // Cost: one workgroup adds up the weights, three loads a vertex; then a thread a light, three loads a vertex.
 
-#import bevy_bounce::shared::grid::{Grid, COUNTER_AREA}
+#import bevy_bounce::shared::grid::{Grid, brick_at, COUNTER_AREA}
 #import bevy_bounce::shared::sampling::sample_square
 #import bevy_bounce::vpl::types::{Vpl, VplParameters, VplHeader, SUBSETS, luminance, vertex_weight}
 
@@ -62,7 +62,8 @@ fn exclusive_sum(value: u32, lane: u32) -> u32 {
 }
 
 fn weight_of(index: u32) -> f32 {
-    return vertex_weight(brick_counts[vertices[pairs[index].y].brick]);
+    let position = vertices[pairs[index].y].position;
+    return vertex_weight(brick_counts[brick_at(grid, (position - grid.origin) / grid.voxel_size)]);
 }
 
 // See `bound.wgsl`; here for the lights and the area of the whole scene.

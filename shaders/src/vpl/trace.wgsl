@@ -7,14 +7,14 @@
 //
 // Cost: one thread a path; a ray through the grid a bounce.
 
-#import bevy_bounce::shared::grid::{Cell, brick_index, BRICK}
+#import bevy_bounce::shared::grid::{Cell, brick_at}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, cells, trace, to_grid, to_world, Ray, Hit}
 #import bevy_bounce::shared::sampling::{
     sample_square, cosine_direction, cone_direction, disk_point, triangle_point, any_tangent, PI,
 }
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, CHUNK_TRIANGLES}
-#import bevy_bounce::vpl::types::{Vpl, Path, Emitter, VplParameters, vertex_slot}
+#import bevy_bounce::vpl::types::{Vpl, Path, Emitter, VplParameters, vertex_slot, pack_incoming}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> scene: Scene;
@@ -34,6 +34,8 @@ const DIMENSION_BOUNCE: u32 = 8u;
 
 // Voxels: a path starts on a plane of the grid, and in a corner another one is near.
 const PATH_GAP: f32 = 0.02;
+// Voxels before the plane of the grid within which the surface may be that the light met in truth.
+const SETTLE_RANGE: f32 = 1.5;
 
 // Light on its way.
 struct Photon {
@@ -170,18 +172,17 @@ fn range_window(inverse_square_range: f32, distance: f32) -> f32 {
     return window * window;
 }
 
-fn store(path: u32, index: u32, position: vec3<f32>, normal: vec3<f32>, bounce: u32, flux: vec3<f32>) {
-    let voxel = clamp(to_grid(position), vec3<f32>(0.0), vec3<f32>(grid.dims - 1u));
-    let brick = brick_index(grid, vec3<u32>(voxel) / BRICK);
-    atomicAdd(&brick_counts[brick], 1u);
-    vertices[vertex_slot(parameters, path, index)] = Vpl(position, bounce, normal, path, flux, brick);
+fn store(path: u32, index: u32, bounce: u32, photon: Photon, incoming: u32) {
+    atomicAdd(&brick_counts[brick_at(grid, to_grid(photon.position))], 1u);
+    vertices[vertex_slot(parameters, path, index)] =
+        Vpl(photon.position, bounce, photon.normal, path, photon.flux, incoming);
 }
 
 fn follow(path: u32, start: Photon) -> u32 {
     var photon = start;
     var count = 0u;
     if photon.on_surface {
-        store(path, 0u, photon.position, photon.normal, 0u, photon.flux);
+        store(path, 0u, 0u, photon, pack_incoming(-photon.normal, PATH_GAP));
         count = 1u;
     }
     let bounces = min(parameters.max_bounces, photon.max_bounces);
@@ -210,7 +211,7 @@ fn follow(path: u32, start: Photon) -> u32 {
         photon.flux *= albedo / survival;
         photon.position = to_world(ray.origin + ray.direction * hit.t);
         photon.normal = decode_unit(cell.normal);
-        store(path, count, photon.position, photon.normal, bounce, photon.flux);
+        store(path, count, bounce, photon, pack_incoming(photon.direction, min(hit.t, SETTLE_RANGE)));
         count++;
         photon.direction = cosine_direction(photon.normal, sample_square(path, DIMENSION_BOUNCE + 2u * bounce + 1u));
     }

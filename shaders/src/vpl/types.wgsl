@@ -2,13 +2,29 @@
 
 #define_import_path bevy_bounce::vpl::types
 
+#import bevy_bounce::shared::octahedral::{encode_unit_8, decode_unit_8}
+
 struct Vpl {
     position: vec3<f32>,
     bounce: u32,
     normal: vec3<f32>,
     path: u32,
     flux: vec3<f32>,
-    brick: u32,
+    // The light's way there: see `pack_incoming`.
+    incoming: u32,
+}
+
+/// Direction of the light that is reflected, and how far it had come without meeting anything, voxels.
+fn pack_incoming(direction: vec3<f32>, reach: f32) -> u32 {
+    return (pack2x16float(vec2<f32>(reach, 0.0)) << 16u) | encode_unit_8(direction);
+}
+
+fn incoming_direction(word: u32) -> vec3<f32> {
+    return decode_unit_8(word);
+}
+
+fn incoming_reach(word: u32) -> f32 {
+    return unpack2x16float(word >> 16u).x;
 }
 
 struct Path {

@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 
 use bevy::math::{Affine3A, Quat, Vec3};
 use bevy_bounce_shaders::types::{
-    HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Path, SUBSETS, Vpl, VplHeader, VplParameters,
+    Grid, HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Path, SUBSETS, Vpl, VplHeader, VplParameters,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -18,6 +18,7 @@ const PATHS: u32 = 4096;
 
 struct Traced {
     parameters: VplParameters,
+    grid: Grid,
     vertices: Vec<Vpl>,
     paths: Vec<Path>,
     /// Vertices in each brick.
@@ -46,7 +47,7 @@ impl Traced {
         let paths = resources.read_structs("paths").expect("reads back");
         let brick_counts = resources.read_words("brick_counts").expect("reads back");
         let vertices = resources.read_structs("vertices").expect("reads back");
-        Self { parameters, vertices, paths, brick_counts, resources }
+        Self { parameters, grid, vertices, paths, brick_counts, resources }
     }
 
     /// Sorts the vertices and makes the list.
@@ -74,6 +75,13 @@ impl Traced {
 
     fn all(&self) -> impl Iterator<Item = &Vpl> {
         (0..self.paths.len()).flat_map(|path| self.path(path))
+    }
+
+    /// The brick of 8^3 voxels that a vertex is in.
+    fn brick(&self, vpl: &Vpl) -> usize {
+        let dims = self.grid.dims.map(|voxels| voxels.div_ceil(8));
+        let brick = ((vpl.position - self.grid.origin) / self.grid.voxel_size / 8.0).as_uvec3();
+        ((brick.z * dims.y + brick.y) * dims.x + brick.x) as usize
     }
 
     /// Flux of each bounce, lumens.
@@ -306,9 +314,9 @@ fn the_list_is_whole_and_even() {
     let mean_count = (all / occupied) as u32;
     let stands_for = |rare: bool| {
         let threshold = mean_count;
-        let is_rare = |brick: u32| (traced.brick_counts[brick as usize] < threshold) == rare;
-        let lights = list[..count].iter().filter(|vpl| is_rare(vpl.brick)).count();
-        traced.all().filter(|vpl| is_rare(vpl.brick)).count() as f32 / lights as f32
+        let is_rare = |vpl: &&Vpl| (traced.brick_counts[traced.brick(vpl)] < threshold) == rare;
+        let lights = list[..count].iter().filter(is_rare).count();
+        traced.all().filter(is_rare).count() as f32 / lights as f32
     };
     assert!(stands_for(true) < 0.8 * stands_for(false), "{} and {}", stands_for(true), stands_for(false));
 

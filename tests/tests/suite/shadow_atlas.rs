@@ -63,6 +63,7 @@ fn draw(scene: &TestScene, lights: &[(Vec3, Vec3)], random: &mut Random) -> Reso
         .map(|&(position, normal)| Vpl {
             position: position + normal * (random.unit() - 0.5) * 0.5 * VOXEL,
             normal,
+            incoming: pack_incoming(-normal, 1.5),
             ..Vpl::default()
         })
         .collect();
@@ -79,6 +80,16 @@ fn draw(scene: &TestScene, lights: &[(Vec3, Vec3)], random: &mut Random) -> Reso
     run(gpu(), "shadow_atlas/occluders.wgsl", "place_occluders", &resources, [chunks.len() as u32, 1, 1]);
     run(gpu(), "shadow_atlas/rasterize.wgsl", "rasterize", &resources, [vpls.len() as u32, 1, 1]);
     resources
+}
+
+/// Twin of `pack_incoming` in `vpl/types.wgsl`.
+fn pack_incoming(direction: Vec3, reach: f32) -> u32 {
+    let sum = direction.abs().element_sum();
+    let p = direction.truncate() / sum;
+    let folded = (1.0 - Vec2::new(p.y, p.x).abs()) * Vec2::new(1f32.copysign(p.x), 1f32.copysign(p.y));
+    let p = if direction.z >= 0.0 { p } else { folded };
+    let byte = |x: f32| u32::from((x * 127.0).round() as i8 as u8);
+    u32::from(half::f16::from_f32(reach).to_bits()) << 16 | byte(p.x) << 8 | byte(p.y)
 }
 
 /// Distance to the front of the nearest triangle beyond `least`.
