@@ -370,6 +370,8 @@ pub struct AtlasParameters {
     pub far: f32,
     /// Of a point, where maps are made from points: square world units.
     pub point_area: f32,
+    /// Largest distance of what casts from the surfaces it stands for, world units.
+    pub error: f32,
 }
 
 /// Points are in the order of the surfaces; a light takes one of this many subsets, each spread over all of them.

@@ -5,6 +5,7 @@
 //! | [`compose`] | the shipped WGSL as naga modules, with Bevy's own modules beside it |
 //! | [`translate`] | those modules in every language that a backend takes, and what they ask of a device |
 //! | [`gpu`] | one compute shader on its own: bind, dispatch, read back |
+//! | [`glb`] | whole glTF scenes in the form that the shaders read |
 //! | [`layout`] | memory layouts of the structs that Rust and WGSL share |
 //! | [`picture`], [`metrics`], [`flip`] | pictures and how far apart they are |
 //! | [`references`] | where scenes and path-traced references are |
@@ -19,6 +20,7 @@
 
 pub mod compose;
 pub mod flip;
+pub mod glb;
 pub mod gpu;
 pub mod layout;
 pub mod metrics;

@@ -63,7 +63,7 @@ pub struct GiSettings {
     /// it grow with its square, and contact shadows become sharper in proportion.
     pub tile: u32,
     /// Scale of the bound of the geometry term, which by itself is that of two surfaces at the distance between lights (their
-    /// number over the scene's area): 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches. `ssbc`
+    /// number over the area of the surfaces around the point that is lit): 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches. `ssbc`
     /// gives back what a low one takes, as far as the camera sees it.
     pub bound: f32,
     /// Compensation of what the bounded geometry term takes from corners.
@@ -93,7 +93,7 @@ pub enum VplVisibility {
     Ism,
     /// A shadow map over the hemisphere of every virtual light, into which the scene's triangles are drawn; of large meshes, a
     /// coarser version. Triangles times lights are bounded: where a scene has so many that the coarser versions would be more
-    /// than a quarter of a voxel off, lights see as with `Voxel`.
+    /// than a voxel off, lights see as with `Voxel`.
     #[default]
     Atlas,
 }

@@ -20,7 +20,7 @@ const ROUNDING: f32 = 2.0;
 
 /// A point is hidden where it lies behind the surface that its texel shows, taken as a plane, and that lies before the plane of
 /// the point's own: what is on the same surface, flat or bent, or on one that meets it in a corner, does not hide it, however
-/// coarse the texel. No bias is needed but for rounding.
+/// coarse the texel. No bias is needed but for rounding, and for what casts being coarser than what is seen.
 fn atlas_visible(light: u32, vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> bool {
     let frame = tile_frame(vpl.normal);
     let to_surface = (position - vpl.position) * frame;
@@ -29,7 +29,7 @@ fn atlas_visible(light: u32, vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -
     let word = atlas[light * tile_words(parameters) + texel.y * parameters.tile + texel.x];
     let direction = normalize(from_tile((vec2<f32>(texel) + 0.5) / edge));
     let off = to_surface - direction * texel_depth(word, parameters.far);
-    let bias = SLACK * length(off) + ROUNDING / DEPTH_STEPS * parameters.far;
+    let bias = SLACK * length(off) + ROUNDING / DEPTH_STEPS * parameters.far + parameters.error;
     let is_behind = dot(texel_normal(word), off) < -bias;
     let is_before = dot(normal * frame, off) < -bias;
     return word == TILE_EMPTY || !(is_behind && is_before);

@@ -10,7 +10,7 @@
 // Cost: a light and triangle about 200 operations, a texel in the triangle's box about 20.
 
 #import bevy_bounce::shared::grid::Grid
-#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words, pack_texel}
+#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, MAX_WORKGROUPS, tile_frame, to_tile, from_tile, tile_words, pack_texel}
 #import bevy_bounce::shadow_atlas::types::{Occluder, OCCLUDER_TWO_SIDED}
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, incoming_direction, incoming_reach}
 
@@ -202,7 +202,7 @@ fn settle(vpl: Vpl, lane: u32) -> Vpl {
 
 @compute @workgroup_size(64)
 fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let light = group.x;
+    let light = group.x + group.y * MAX_WORKGROUPS;
     if light >= header.count {
         return;
     }

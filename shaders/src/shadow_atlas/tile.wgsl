@@ -11,6 +11,8 @@
 
 /// Texel where nothing is.
 const TILE_EMPTY: u32 = 0xffffffffu;
+/// Workgroups, a light each, before they fold into a second axis.
+const MAX_WORKGROUPS: u32 = 65535u;
 /// Steps of depth.
 const DEPTH_STEPS: f32 = 65535.0;
 
@@ -23,6 +25,8 @@ struct AtlasParameters {
     far: f32,
     // Of a point, where maps are made from points: square world units.
     point_area: f32,
+    // Largest distance of what casts from the surfaces it stands for, world units.
+    error: f32,
 }
 
 /// Columns: tangent, bitangent, normal.

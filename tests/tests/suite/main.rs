@@ -1,5 +1,6 @@
 //! All tests of bevy_bounce that need more than one crate: one binary, because each links Bevy.
 
+mod agreement;
 mod compose;
 mod deform;
 mod harness;

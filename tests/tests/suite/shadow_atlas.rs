@@ -56,8 +56,13 @@ fn draw(scene: &TestScene, lights: &[(Vec3, Vec3)], random: &mut Random) -> Reso
         }
     }
     let (low, high) = scene.bounds();
-    let parameters =
-        AtlasParameters { tile: TILE, occluder_count: first_occluder, far: (high - low).length(), point_area: 0.0 };
+    let parameters = AtlasParameters {
+        tile: TILE,
+        occluder_count: first_occluder,
+        far: (high - low).length(),
+        point_area: 0.0,
+        error: 0.0,
+    };
     let vpls: Vec<Vpl> = lights
         .iter()
         .map(|&(position, normal)| Vpl {

@@ -4,7 +4,7 @@
 //! Two compute passes: `shade` writes the irradiance of one subset into `interleaved`, `filter` the mean of each pixel's 4x4
 //! window, edges left out, into `indirect` (textures of the view).
 //!
-//! The geometry term is bounded by N / A, for N lights and the A square world units of all facings: no light counts for more
+//! The geometry term is bounded by the number of lights around a pixel over the area of the surfaces there: no light counts for more
 //! than at the distance between lights. What this takes from corners is left to bias compensation.
 
 mod passes;

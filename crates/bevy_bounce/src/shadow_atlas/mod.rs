@@ -5,7 +5,7 @@
 //! | buffer | bytes at 1024 lights, tiles of 32 x 32 | holds |
 //! |---|---|---|
 //! | `atlas` | 4 MiB | light by light: depth (unorm16 of the scene's diagonal) and normal over its hemisphere |
-//! | `occluders` | 48 B a triangle, 192 KiB at most | triangles that cast, in the world |
+//! | `occluders` | 48 B a triangle, 768 KiB at most | triangles that cast, in the world |
 //!
 //! A tile maps the hemisphere to a square by the half octahedron, without waste. Each texel is tested against the planes through
 //! the light and a triangle's edges, so that large triangles stay straight. A point is hidden where it lies behind the plane of
@@ -16,8 +16,8 @@
 //! # Cost
 //!
 //! Work grows with lights times triangles, which is bounded: large meshes cast by a coarser version, made when the mesh is
-//! loaded. Where these would be more than a quarter of a voxel off their surfaces, no maps are drawn, and lights see by rays
-//! through the grid.
+//! loaded, and what lies within its error of a map's surface is on that surface. Where it would be more than a voxel off, no maps
+//! are drawn, and lights see by rays through the grid.
 //!
 //! # Where it differs from the paper
 //!

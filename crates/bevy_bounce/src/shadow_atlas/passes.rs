@@ -9,7 +9,7 @@ use super::pipelines::AtlasPipelines;
 use super::prepare::ShadowAtlas;
 use crate::VplVisibility;
 use crate::avg::VoxelGrid;
-use crate::compute::{MAX_WORKGROUPS, whole};
+use crate::compute::{folded, whole};
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::vpl::VplBuffers;
@@ -64,6 +64,6 @@ pub(super) fn draw_atlas(
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/shadow_atlas");
     place.dispatch(encoder, &cache, &[&place_group], place_groups);
-    draw.dispatch(encoder, &cache, &[&draw_group], groups(vpl.parameters().capacity.min(MAX_WORKGROUPS)));
+    draw.dispatch(encoder, &cache, &[&draw_group], folded(vpl.parameters().capacity));
     span.end(encoder);
 }

@@ -11,7 +11,7 @@ use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 
 /// Voxels by which the meshes that cast may be off their surfaces. Beyond that rays through the grid see better.
-const LARGEST_ERROR: f32 = 0.25;
+const LARGEST_ERROR: f32 = 1.0;
 
 /// The shadow maps of all virtual lights; there while a camera asks for them and what casts is fine enough.
 #[derive(Resource)]
@@ -76,6 +76,7 @@ pub(super) fn prepare_atlas(
         occluder_count: counts.triangles,
         far: diagonal.max(f32::MIN_POSITIVE),
         point_area: counts.point_area,
+        error: counts.error,
     };
     let atlas_size = atlas_bytes(tile, settings.vpls);
     let occluder_size = match settings.visibility {
