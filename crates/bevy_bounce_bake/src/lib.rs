@@ -42,15 +42,17 @@ mod output;
 pub mod outside;
 #[cfg(feature = "processor")]
 pub mod processor;
+mod progress;
 pub mod rays;
 mod report;
 pub mod scene;
 pub mod traversal;
 pub mod verify;
 
-pub use bake::{BAKER_VERSION, BakeSettings, Progress, bake};
+pub use bake::{BAKER_VERSION, BakeSettings, bake};
 pub use error::BakeError;
 pub use output::write_atomically;
+pub use progress::{Progress, Step};
 pub use report::Report;
 pub use scene::{Scene, Source};
 pub use traversal::Strategy;

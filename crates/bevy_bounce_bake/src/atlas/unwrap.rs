@@ -1,16 +1,16 @@
 //! Unwrapping, behind one function.
 
 use glam::{UVec2, Vec2};
-use uvunwrap::{Density, MeshInput, Options};
+use uvunwrap::{Density, MeshInput, Options, Stage};
 
 use super::Charted;
-use crate::{BakeError, scene::Scene};
+use crate::{BakeError, Progress, Step, scene::Scene};
 
 /// Empty texels round each chart: charts are two apart where there is room, otherwise they may touch.
 const PADDINGS: [u32; 2] = [1, 0];
 
 /// Cuts the scene into charts and packs them into at most `size` by `size` texels, at one density.
-pub fn unwrap(scene: &Scene, size: u32) -> Result<Charted, BakeError> {
+pub fn unwrap(scene: &Scene, size: u32, progress: &dyn Progress) -> Result<Charted, BakeError> {
     let positions: Vec<Vec<[f32; 3]>> =
         scene.parts.iter().map(|part| part.positions.iter().map(|position| position.to_array()).collect()).collect();
     let inputs: Vec<MeshInput> = scene
@@ -19,10 +19,18 @@ pub fn unwrap(scene: &Scene, size: u32) -> Result<Charted, BakeError> {
         .zip(&positions)
         .map(|(part, positions)| MeshInput::new(positions, part.triangles.as_flattened()))
         .collect();
+    let report = |at: uvunwrap::Progress| {
+        match at.stage {
+            Stage::Parameterizing => progress.report(Step::Unwrapping, at.done, at.total),
+            Stage::Packing => progress.report(Step::Packing, at.done, at.total),
+            _ => (),
+        }
+        true
+    };
     let mut atlas = Err(too_small(size, "its charts", "no density fits"));
     for padding in PADDINGS {
         let options = Options { padding, density: Density::Auto { page_size: size }, ..Default::default() };
-        atlas = match uvunwrap::generate(&inputs, &options) {
+        atlas = match uvunwrap::generate_with_progress(&inputs, &options, report) {
             Ok(atlas) if atlas.page_count == 1 => Ok(atlas),
             Ok(atlas) => Err(too_small(size, &format!("its {} charts", atlas.chart_count), "no density fits")),
             Err(error) => Err(too_small(size, "its charts", &error.to_string())),

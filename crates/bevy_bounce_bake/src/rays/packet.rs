@@ -39,11 +39,13 @@ pub fn cast<B: Beam>(bvh: &Bvh, beam: &B, layers: &mut Layers, stack: &mut Vec<(
         }
         let node = bvh.nodes[index as usize];
         if node.count > 0 {
-            for corners in &bvh.triangles[node.first as usize..(node.first + node.count) as usize] {
-                if let Some(triangle) = beam.triangle(corners) {
-                    layers.add(us, vs, &triangle);
-                    stale = true;
+            for index in node.first as usize..(node.first + node.count) as usize {
+                let Some(triangle) = beam.triangle(&bvh.triangles[index]) else { continue };
+                match bvh.cutout(index) {
+                    None => layers.add(us, vs, &triangle, |_| true),
+                    Some(cutout) => layers.add(us, vs, &triangle, |weights| cutout.is_there(bvh.materials, weights)),
                 }
+                stale = true;
             }
             continue;
         }

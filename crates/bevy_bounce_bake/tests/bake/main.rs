@@ -2,6 +2,7 @@
 
 mod command;
 mod lossless;
+mod materials;
 #[cfg(feature = "processor")]
 mod processor;
 mod scenes;
