@@ -72,12 +72,16 @@ pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &dyn Progress) -> 
 
     let cube_maps: Vec<Vec<CubeMap>> =
         blocks.iter().map(|block| block.iter().map(|&index| cube_map(&atlas, index, lift)).collect()).collect();
-    let (done, all) = (AtomicUsize::new(0), Some(atlas.texels.len()));
-    let advance = |maps| progress.report(Step::Casting, done.fetch_add(maps, Ordering::Relaxed) + maps, all);
-    advance(0);
-    let (maps, stats) = encode_cube_maps(&bvh, &cube_maps, settings.depth as usize, quantizer, &advance)?;
+    let (maps, stats) = encode_cube_maps(
+        &bvh,
+        &cube_maps,
+        settings.depth as usize,
+        quantizer,
+        &count(progress, Step::Casting, atlas.texels.len()),
+    )?;
     let csm_quantizer = Quantizer::with_far(2.0 * sphere.radius);
-    let csm = encode_outside_maps(&bvh, sphere, csm_quantizer)?;
+    let outside_maps = (outside::GRID * outside::GRID) as usize;
+    let csm = encode_outside_maps(&bvh, sphere, csm_quantizer, &count(progress, Step::Outside, outside_maps))?;
 
     let (texels, cells) = tables(&atlas, &blocks);
     let meta = Meta {
@@ -105,6 +109,13 @@ pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &dyn Progress) -> 
     let file = CssmFile { meta, texels, cells, parts, maps, csm };
     let report = Report::new(&file, settings, started.elapsed().as_secs_f64());
     Ok((file, report))
+}
+
+/// Tells `progress` of a step of which so many more are done at each call.
+fn count(progress: &dyn Progress, step: Step, all: usize) -> impl Fn(usize) + Sync + '_ {
+    let done = AtomicUsize::new(0);
+    progress.report(step, 0, Some(all));
+    move |more| progress.report(step, done.fetch_add(more, Ordering::Relaxed) + more, Some(all))
 }
 
 fn cube_map(atlas: &Atlas, index: u32, lift: f32) -> CubeMap {

@@ -11,6 +11,8 @@ pub enum Step {
     Packing,
     /// Cube maps are cast and encoded; counts them.
     Casting,
+    /// Maps from outside are cast and encoded; counts them.
+    Outside,
 }
 
 impl fmt::Display for Step {
@@ -20,6 +22,7 @@ impl fmt::Display for Step {
             Self::Unwrapping => "triangles unwrapped",
             Self::Packing => "packings tried",
             Self::Casting => "depth maps",
+            Self::Outside => "maps from outside",
         })
     }
 }

@@ -124,7 +124,7 @@ impl Check<'_> {
             sum.nearest += u64::from(file.visible(&texel, point) == visible);
             sum.agreeing += u64::from(agree);
             if !agree {
-                let bin = BIN_ENDS.iter().position(|distance| within(distance)).unwrap_or(BIN_ENDS.len());
+                let bin = BIN_ENDS.iter().position(within).unwrap_or(BIN_ENDS.len());
                 sum.distances[bin] += 1;
             }
             return sum;
