@@ -11,6 +11,10 @@
 //! - is within `d` pixels of the sender's horizon, or the sender within `d` pixels of its own: one's plane is edge on for
 //!   the other, and what turns by a pixel faces away.
 //!
+//! What chance would make of it is told beside: the share of all pairs that lies within a texel. Left are edges of second
+//! surfaces: where the ray through a pixel's centre ends at the first, and the second's edge, hidden behind that, passes
+//! through the pixel, the map does not know the second.
+//!
 //! Receivers move in the atlas and silhouettes are the mesh's own edges, because neither a curved surface's tangent plane
 //! nor the sender's plane, seen edge on, says where the surface ends.
 

@@ -19,7 +19,7 @@ fn maps_agree_with_rays() {
     let agreement = verify(&file, &scene, 50_000).expect("it is of this scene");
     assert!(agreement.pairs > 49_000 && agreement.percent() > 96.0, "{agreement:?}");
     let all: u64 = agreement.distances.iter().sum();
-    assert!(all == agreement.pairs - agreement.agreeing && agreement.near_percent() > 99.8, "{agreement:?}");
+    assert!(all == agreement.pairs - agreement.agreeing && agreement.near_percent() > 99.5, "{agreement:?}");
     // Which is no matter of chance.
     assert!(agreement.sampled > 700 && agreement.sampled_near < agreement.sampled / 2, "{agreement:?}");
     // The same pairs every time.
