@@ -36,8 +36,9 @@ fn block() -> Vec<Texel> {
     texels.filter(|texel| (middle..middle + LANES as u32).contains(&texel.slot)).collect()
 }
 
-fn packet(bvh: &Bvh, texel: &Texel, stack: &mut Vec<(u32, f32)>) -> Layers {
-    let mut tile = CubeTile::new(2, 24, 24, FILE.meta.depth as usize);
+/// One packet of a texel's map: first pixel and face.
+fn packet(bvh: &Bvh, texel: &Texel, [face, x, y]: [usize; 3], stack: &mut Vec<(u32, f32)>) -> Layers {
+    let mut tile = CubeTile::new(face, x, y, FILE.meta.depth as usize);
     tile.origin = Vec3::from(FILE.center(texel));
     let mut layers = Layers::new((0.0, FILE.meta.quantum), 1.0 / FILE.meta.depth as f32);
     cast(bvh, &tile, &mut layers, stack);
@@ -50,27 +51,36 @@ fn cast_packets(bencher: Bencher) {
     let (bvh, texels, mut stack) = (Bvh::new(&SCENE), block(), Vec::new());
     bencher.counter(ItemsCount::new(texels.len())).bench_local(|| {
         for texel in &texels {
-            black_box(packet(&bvh, texel, &mut stack));
+            black_box(packet(&bvh, texel, [2, 24, 24], &mut stack));
         }
     });
 }
 
-/// Blocks of 64 texels by 32 pixels.
+/// Blocks of 64 texels by 32 pixels: half of each packet of a whole face.
 #[divan::bench]
-fn encode_block(bencher: Bencher) {
-    let (bvh, mut stack) = (Bvh::new(&SCENE), Vec::new());
-    let mut rays = BlockRays::ANY;
-    for (lane, texel) in block().iter().enumerate() {
-        let layers = packet(&bvh, texel, &mut stack);
-        for row in 0..ROWS {
-            let [first, second] = [&layers.first, &layers.second].map(|layer| 1.0 / layer[row / PACKET][row % PACKET]);
-            rays.set(row, lane, FILE.quantizer().interval(first, second, OpenEnd::Unbounded));
+fn encode_blocks(bencher: Bencher) {
+    let (bvh, texels, mut stack) = (Bvh::new(&SCENE), block(), Vec::new());
+    let side = FILE.meta.depth as usize;
+    let places = (0..side).step_by(PACKET).flat_map(|y| (0..side).step_by(PACKET).map(move |x| [2, x, y]));
+    let rays = |place: [usize; 3]| {
+        let mut rays = BlockRays::ANY;
+        for (lane, texel) in texels.iter().enumerate() {
+            let layers = packet(&bvh, texel, place, &mut stack);
+            for row in 0..ROWS {
+                let depth = |layer: &[[f32; PACKET]; PACKET]| 1.0 / layer[row / PACKET][row % PACKET];
+                let (first, second) = (depth(&layers.first), depth(&layers.second));
+                rays.set(row, lane, FILE.quantizer().interval(first, second, OpenEnd::Unbounded));
+            }
         }
-    }
+        rays
+    };
+    let blocks: Vec<BlockRays> = places.map(rays).collect();
     let (mut encoder, mut words) = (BlockEncoder::default(), Vec::new());
-    bencher.counter(ItemsCount::new(1_usize)).bench_local(|| {
+    bencher.counter(ItemsCount::new(blocks.len())).bench_local(|| {
         words.clear();
-        black_box(encoder.encode(&rays, &mut words))
+        blocks.iter().for_each(|rays| {
+            black_box(encoder.encode(rays, &mut words));
+        });
     });
 }
 

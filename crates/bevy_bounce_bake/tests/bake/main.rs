@@ -5,5 +5,6 @@ mod lossless;
 mod materials;
 #[cfg(feature = "processor")]
 mod processor;
+mod progress;
 mod scenes;
 mod visibility;
