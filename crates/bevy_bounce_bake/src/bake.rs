@@ -148,7 +148,8 @@ fn parts(scene: &Scene, atlas: &Atlas) -> Parts {
     for part in &scene.parts {
         let mut corners = vec![None; part.source_count as usize];
         for (&number, uv) in part.source_triangles.iter().zip(&mut charted) {
-            corners[number as usize] = uv.map(|uv| uv.map(|uv| (uv / atlas.size.as_vec2()).to_array()));
+            let uv = uv.map(|uv| part.source_order(uv).map(|uv| (uv / atlas.size.as_vec2()).to_array()));
+            corners[number as usize] = uv;
         }
         parts.push(part.numbers, &corners);
     }

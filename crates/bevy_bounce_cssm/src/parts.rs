@@ -8,7 +8,8 @@ pub const PART_WORDS: usize = 5;
 pub const NO_CORNER: u32 = u32::MAX;
 
 /// One primitive of one mesh, as one node places it, by the numbers that the glTF file gives them. A double-sided primitive
-/// is two parts in a row: the first of its fronts, the second of the same triangles' backs, turned over (corners a, c, b).
+/// is two parts in a row: the first of its fronts, the second of the same triangles' backs. Corners are in the glTF file's order
+/// in both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
     /// Number of the node.

@@ -78,8 +78,14 @@ impl Part {
 
     /// The part's backs.
     fn turned_over(&self) -> Self {
-        let triangles = self.triangles.iter().map(|&[a, b, c]| [a, c, b]).collect();
-        Self { name: format!("{}, back", self.name), triangles, back: true, ..self.clone() }
+        let back = Self { name: format!("{}, back", self.name), back: true, ..self.clone() };
+        let triangles = self.triangles.iter().map(|&corners| back.source_order(corners)).collect();
+        Self { triangles, ..back }
+    }
+
+    /// A triangle's corners in the order of the source instead of the part's, or the other way round.
+    pub(crate) fn source_order<T: Copy>(&self, [a, b, c]: [T; 3]) -> [T; 3] {
+        if self.back { [a, c, b] } else { [a, b, c] }
     }
 
     /// The UV set that the material's colour texture takes.

@@ -58,11 +58,12 @@ impl<'a> Surface<'a> {
             let material = &scene.materials[part.material];
             for (number, corners) in part.source_triangles.iter().zip(&part.triangles) {
                 let Some(uv) = file.parts.triangle(baked.first_triangle + number) else { continue };
+                let uv = part.source_order(uv).map(|uv| Vec2::from(uv) * size.as_vec2());
                 let cutout = Cutout::new(part, material, *corners);
                 let corners = corners.map(|index| part.positions[index as usize]);
                 sum += f64::from(0.5 * (corners[1] - corners[0]).cross(corners[2] - corners[0]).length());
                 areas.push(sum);
-                triangles.push(Triangle { corners, uv: uv.map(|uv| Vec2::from(uv) * size.as_vec2()), cutout });
+                triangles.push(Triangle { corners, uv, cutout });
             }
         }
         let (starts, in_cells) = by_cells(&triangles, size);

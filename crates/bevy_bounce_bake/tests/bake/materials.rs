@@ -90,6 +90,13 @@ fn both_sides_of_a_double_sided_surface_receive() {
     let parts: Vec<_> = file.parts.iter().map(|part| [part.node, part.mesh, part.primitive, part.triangles]).collect();
     assert_eq!(parts, [[0, 0, 0, 2], [1, 1, 0, 2], [1, 1, 0, 2], [2, 2, 0, 2]]);
     assert!(verify(&file, &scene, 20_000).expect("it is of this scene").percent() > 98.0);
+    // Corners are in the source's order: a back is wound the other way round in the atlas.
+    let turn = |part: usize| {
+        let part = file.parts.iter().nth(part).expect("there are four");
+        let [a, b, c] = file.parts.triangle(part.first_triangle).expect("it has room").map(glam::Vec2::from);
+        (b - a).perp_dot(c - a)
+    };
+    assert!(turn(1) * turn(2) < 0.0);
 }
 
 #[test]
