@@ -1,5 +1,7 @@
 //! From a scene to a file.
 
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use bevy_bounce_cssm::{CssmFile, Meta, NO_TEXEL, Parts, Quantizer, block::LANES};
 use glam::Vec3;
 
@@ -9,10 +11,10 @@ use crate::outside::{self, Sphere, encode_outside_maps};
 use crate::rays::Bvh;
 use crate::scene::Scene;
 use crate::traversal::{self, Strategy};
-use crate::{BakeError, Report};
+use crate::{BakeError, Progress, Report, Step};
 
 /// Goes into the hash of what a file was baked from. Raised when the same source and settings give another file.
-pub const BAKER_VERSION: u32 = 1;
+pub const BAKER_VERSION: u32 = 2;
 
 /// How far above its texel a cube map stands, as a share of the object's diameter: enough that no ray starts under its own
 /// surface by rounding.
@@ -54,42 +56,32 @@ impl BakeSettings {
     }
 }
 
-/// What to tell while the work goes on.
-pub trait Progress: Sync {
-    /// The number of cube maps is known and casting begins.
-    fn start(&self, maps: usize);
-    /// As many more are done.
-    fn advance(&self, maps: usize);
-}
-
-/// Tells nothing.
-impl Progress for () {
-    fn start(&self, _: usize) {}
-    fn advance(&self, _: usize) {}
-}
-
 /// Bakes a scene, on all threads of the current `rayon` pool. The result does not depend on how many those are.
 pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &dyn Progress) -> Result<(CssmFile, Report), BakeError> {
     settings.check()?;
     let started = std::time::Instant::now();
     let source = if settings.unwrap { UvSource::Unwrap } else { UvSource::Auto };
-    let atlas = Atlas::build(scene, settings.atlas, source)?;
+    let atlas = Atlas::build(scene, settings.atlas, source, progress)?;
     let blocks = traversal::blocks(&atlas, settings.strategy);
     let (min, max) = scene.bounds();
     let diameter = min.distance(max);
-    let triangles: Vec<[Vec3; 3]> = scene.triangles().collect();
-    let bvh = Bvh::new(&triangles);
+    let bvh = Bvh::new(scene);
     let sphere = Sphere { center: 0.5 * (min + max), radius: 0.5 * FAR * diameter };
     let quantizer = Quantizer::with_far(FAR * diameter);
     let lift = LIFT * diameter;
 
-    progress.start(atlas.texels.len());
     let cube_maps: Vec<Vec<CubeMap>> =
         blocks.iter().map(|block| block.iter().map(|&index| cube_map(&atlas, index, lift)).collect()).collect();
-    let (maps, stats) =
-        encode_cube_maps(&bvh, &cube_maps, settings.depth as usize, quantizer, &|maps| progress.advance(maps))?;
+    let (maps, stats) = encode_cube_maps(
+        &bvh,
+        &cube_maps,
+        settings.depth as usize,
+        quantizer,
+        &count(progress, Step::Casting, atlas.texels.len()),
+    )?;
     let csm_quantizer = Quantizer::with_far(2.0 * sphere.radius);
-    let csm = encode_outside_maps(&bvh, sphere, csm_quantizer)?;
+    let outside_maps = (outside::GRID * outside::GRID) as usize;
+    let csm = encode_outside_maps(&bvh, sphere, csm_quantizer, &count(progress, Step::Outside, outside_maps))?;
 
     let (texels, cells) = tables(&atlas, &blocks);
     let meta = Meta {
@@ -117,6 +109,13 @@ pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &dyn Progress) -> 
     let file = CssmFile { meta, texels, cells, parts, maps, csm };
     let report = Report::new(&file, settings, started.elapsed().as_secs_f64());
     Ok((file, report))
+}
+
+/// Tells `progress` of a step of which so many more are done at each call.
+fn count(progress: &dyn Progress, step: Step, all: usize) -> impl Fn(usize) + Sync + '_ {
+    let done = AtomicUsize::new(0);
+    progress.report(step, 0, Some(all));
+    move |more| progress.report(step, done.fetch_add(more, Ordering::Relaxed) + more, Some(all))
 }
 
 fn cube_map(atlas: &Atlas, index: u32, lift: f32) -> CubeMap {
@@ -149,7 +148,8 @@ fn parts(scene: &Scene, atlas: &Atlas) -> Parts {
     for part in &scene.parts {
         let mut corners = vec![None; part.source_count as usize];
         for (&number, uv) in part.source_triangles.iter().zip(&mut charted) {
-            corners[number as usize] = uv.map(|uv| uv.map(|uv| (uv / atlas.size.as_vec2()).to_array()));
+            let uv = uv.map(|uv| part.source_order(uv).map(|uv| (uv / atlas.size.as_vec2()).to_array()));
+            corners[number as usize] = uv;
         }
         parts.push(part.numbers, &corners);
     }

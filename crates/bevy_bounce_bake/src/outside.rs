@@ -24,15 +24,25 @@ pub struct Sphere {
     pub radius: f32,
 }
 
-/// Casts and encodes all maps.
-pub fn encode_outside_maps(bvh: &Bvh, sphere: Sphere, quantizer: Quantizer) -> Result<Maps, BakeError> {
+/// Casts and encodes all maps; `done` is told the number of maps after each block.
+pub fn encode_outside_maps(
+    bvh: &Bvh,
+    sphere: Sphere,
+    quantizer: Quantizer,
+    done: &(dyn Fn(usize) + Sync),
+) -> Result<Maps, BakeError> {
     let cells: Vec<[u32; 2]> = (0..GRID * GRID).map(|cell| [cell % GRID, cell / GRID]).collect();
     let mut blocks = vec![[[0; 2]; LANES]; cells.len() / LANES];
     for cell in cells {
         let (block, lane) = csm::slot(cell, GRID);
         blocks[block][lane] = cell;
     }
-    let encoded: Vec<_> = blocks.par_iter().map(|cells| encode_block(bvh, cells, sphere, quantizer)).collect();
+    let encode = |cells: &[[u32; 2]; LANES]| {
+        let encoded = encode_block(bvh, cells, sphere, quantizer);
+        done(cells.len());
+        encoded
+    };
+    let encoded: Vec<_> = blocks.par_iter().map(encode).collect();
     let mut maps = MapsBuilder::default();
     for (codes, words) in encoded {
         maps.push(&codes, &words)?;

@@ -92,8 +92,12 @@ impl BakeOutcomes {
         outcomes
     }
 
+    /// In the place of an earlier one of the same recipe. Bevy's processor looks at a recipe by itself and again once its
+    /// scene is processed; where both see that the scene has changed, the recipe is baked twice, with the same result.
     fn add(&self, outcome: BakeOutcome) {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(outcome);
+        let mut outcomes = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        outcomes.retain(|other| other.recipe != outcome.recipe);
+        outcomes.push(outcome);
     }
 }
 

@@ -1,22 +1,46 @@
 //! How a baked file agrees with exact rays.
+//!
+//! Maps have texels and pixels, so they are wrong near edges of visibility and should be right everywhere else. A pair lies
+//! within `d` of such an edge if some receiver `d` texels away in the same chart, or the receiver itself,
+//!
+//! - gets another exact answer for the sender: a shadow edge passes between the receivers, or the sender is behind the
+//!   horizon of one of them;
+//! - sees a silhouette within `d` pixels of the sender: an edge where a surface ends, or turns away from the receiver. What
+//!   the silhouette of one surface leaves to see of another is bounded by the former's shadow edge, so that these are also
+//!   the places where the answer changes as the sender moves; or
+//! - is within `d` pixels of the sender's horizon, or the sender within `d` pixels of its own: one's plane is edge on for
+//!   the other, and what turns by a pixel faces away.
+//!
+//! What chance would make of it is told beside: the share of all pairs that lies within a texel. Left are edges of second
+//! surfaces: where the ray through a pixel's centre ends at the first, and the second's edge, hidden behind that, passes
+//! through the pixel, the map does not know the second.
+//!
+//! Receivers move in the atlas and silhouettes are the mesh's own edges, because neither a curved surface's tangent plane
+//! nor the sender's plane, seen edge on, says where the surface ends.
 
-use bevy_bounce_cssm::{CssmFile, Filter};
+mod edges;
+mod surface;
+
+use bevy_bounce_cssm::{CssmFile, Filter, Texel};
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
 use crate::BakeError;
 use crate::rays::Bvh;
 use crate::scene::Scene;
+use edges::{Cone, Edges};
+use surface::{Sample, Surface};
 
 /// Pairs a task.
 const CHUNK: u64 = 4096;
 /// Upper ends of the histogram's bins but the last, in texels of the receiver and pixels of the map.
 pub const BIN_ENDS: [f32; 6] = [0.25, 0.5, 0.75, 1.0, 1.5, 2.0];
-/// Rays round a disagreement at each distance: places on a circle at the receiver, and round the sender.
+/// Receivers round a disagreement at each distance.
 const AROUND: usize = 16;
-
-/// Planes seen at a smaller angle (sine) count as seen at this one.
-const LEAST_SLOPE: f32 = 0.05;
+/// One pair in so many is looked at whether maps and ray agree or not.
+const EVERY: u64 = 64;
+/// The bins up to one texel.
+const ONE_TEXEL: usize = 4;
 
 /// What verification found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,6 +53,10 @@ pub struct Agreement {
     pub nearest: u64,
     /// Disagreements by their distance from where the exact answer changes; the last bin holds all beyond.
     pub distances: [u64; BIN_ENDS.len() + 1],
+    /// Pairs that were looked at whether maps and ray agree or not.
+    pub sampled: u64,
+    /// Those of them that lie within one texel of where the exact answer changes: what chance would make of disagreements.
+    pub sampled_near: u64,
 }
 
 impl Agreement {
@@ -37,143 +65,112 @@ impl Agreement {
         100.0 * self.agreeing as f64 / self.pairs.max(1) as f64
     }
 
+    /// Disagreements within one texel of where the exact answer changes, in percent of all disagreements.
+    pub fn near_percent(&self) -> f64 {
+        let near: u64 = self.distances[..ONE_TEXEL].iter().sum();
+        100.0 * near as f64 / (self.pairs - self.agreeing).max(1) as f64
+    }
+
     fn plus(mut self, other: Self) -> Self {
         self.pairs += other.pairs;
         self.agreeing += other.agreeing;
         self.nearest += other.nearest;
+        self.sampled += other.sampled;
+        self.sampled_near += other.sampled_near;
         self.distances.iter_mut().zip(other.distances).for_each(|(a, b)| *a += b);
         self
     }
 }
 
-/// A random point of the surface.
-struct Sample {
-    position: Vec3,
-    normal: Vec3,
-    /// In 0 to 1 of the atlas.
-    uv: Vec2,
-    /// World size of a texel there.
-    texel: f32,
-}
-
-/// The surface, to draw points from by area.
-struct Surface {
-    triangles: Vec<([Vec3; 3], [Vec2; 3], f32)>,
-    /// Sum of the areas up to each triangle.
-    areas: Vec<f64>,
-}
-
-/// Compares the file with rays between `pairs` pairs of random points of the surface, each in front of the first one's
-/// surface. Always the same pairs.
+/// Compares the file with rays between `pairs` pairs of random points of the surface that face each other: no light goes
+/// between others, whatever stands between them. Always the same pairs.
 pub fn verify(file: &CssmFile, scene: &Scene, pairs: u64) -> Result<Agreement, BakeError> {
     let surface = Surface::new(file, scene)?;
-    let triangles: Vec<[Vec3; 3]> = scene.triangles().collect();
-    let bvh = Bvh::new(&triangles);
+    let bvh = Bvh::new(scene);
+    let check = Check { file, edges: &Edges::new(&bvh), bvh: &bvh, surface: &surface };
     let chunks = pairs.div_ceil(CHUNK);
     let sum = (0..chunks).into_par_iter().map(|chunk| {
         let mut rng = fastrand::Rng::with_seed(chunk);
         let count = CHUNK.min(pairs - chunk * CHUNK);
-        (0..count).fold(Agreement::default(), |sum, _| compare(file, &bvh, &surface, &mut rng, sum))
+        (0..count).fold(Agreement::default(), |sum, _| check.compare(&mut rng, sum))
     });
     Ok(sum.reduce(Agreement::default, Agreement::plus))
 }
 
-/// One pair; drawn anew until one can be asked about.
-fn compare(file: &CssmFile, bvh: &Bvh, surface: &Surface, rng: &mut fastrand::Rng, mut sum: Agreement) -> Agreement {
-    for _ in 0..1000 {
-        let (receiver, sender) = (surface.sample(rng), surface.sample(rng));
-        let way = sender.position - receiver.position;
-        let size = Vec2::new(file.meta.atlas[0] as f32, file.meta.atlas[1] as f32);
-        let cell = (receiver.uv * size).as_uvec2().to_array();
-        let texel = file.texel_at(cell).and_then(|index| file.texel(index));
-        let Some(texel) = texel.filter(|_| way.dot(receiver.normal) > 8.0 * file.meta.lift) else { continue };
-        let exact = |from: Vec3, to: Vec3| {
-            let margin = 2.0 * file.meta.lift / from.distance(to);
-            bvh.visible(from + receiver.normal * file.meta.lift, to, margin)
-        };
-        let visible = exact(receiver.position, sender.position);
-        sum.pairs += 1;
-        let point = sender.position.to_array();
-        let share = file.visibility(&texel, (receiver.uv * size).to_array(), point, Filter::PixelsAndTexels);
-        sum.nearest += u64::from(file.visible(&texel, point) == visible);
-        if (share >= 0.5) == visible {
-            sum.agreeing += 1;
-        } else {
-            // Angle of a pixel in the middle of a face, where pixels are largest.
-            let pixel = 2.0 / file.meta.depth as f32 * way.length();
-            let bin = BIN_ENDS.iter().position(|&distance| {
-                changes_within(&receiver, &sender, distance, pixel, &|a, b| exact(a, b) != visible)
-            });
-            sum.distances[bin.unwrap_or(BIN_ENDS.len())] += 1;
-        }
-        return sum;
-    }
-    sum
+/// What pairs are compared with.
+struct Check<'a> {
+    file: &'a CssmFile,
+    bvh: &'a Bvh<'a>,
+    surface: &'a Surface<'a>,
+    edges: &'a Edges<'a>,
 }
 
-/// Whether the exact answer changes when the receiver moves by `distance` texels in its surface, the sender by as many
-/// pixels in its own, or both.
-fn changes_within(
-    receiver: &Sample,
-    sender: &Sample,
-    distance: f32,
-    pixel: f32,
-    changed: &dyn Fn(Vec3, Vec3) -> bool,
-) -> bool {
-    let circle = |axis: Vec3, radius: f32| {
-        let (across, up) = axis.any_orthonormal_pair();
-        (0..AROUND).map(move |step| {
-            let (sin, cos) = (std::f32::consts::TAU * step as f32 / AROUND as f32).sin_cos();
-            radius * (cos * across + sin * up)
-        })
-    };
-    let way = (sender.position - receiver.position).normalize_or(receiver.normal);
-    // Where the ray through another pixel meets the sender's plane. Seen edge on, a plane has no such place near.
-    let slope = way.dot(sender.normal);
-    let slope = slope.signum() * slope.abs().max(LEAST_SLOPE);
-    let onto_plane = |offset: Vec3| offset - way * (offset.dot(sender.normal) / slope);
-    let from: Vec<Vec3> = circle(receiver.normal, distance * receiver.texel).chain([Vec3::ZERO]).collect();
-    let to: Vec<Vec3> = circle(way, distance * pixel).map(onto_plane).chain([Vec3::ZERO]).collect();
-    from.iter().any(|a| to.iter().any(|b| changed(receiver.position + *a, sender.position + *b)))
-}
-
-impl Surface {
-    fn new(file: &CssmFile, scene: &Scene) -> Result<Self, BakeError> {
-        let parts: Vec<_> = file.parts.iter().collect();
-        let same = parts.len() == scene.parts.len()
-            && parts.iter().zip(&scene.parts).all(|(baked, part)| baked.triangles == part.source_count);
-        if !same || scene.source_hash != file.meta.source_hash {
-            return Err(BakeError::Atlas(
-                "the bake is of another scene, or of an older state of it; bake it anew".into(),
-            ));
-        }
-        let size = Vec2::new(file.meta.atlas[0] as f32, file.meta.atlas[1] as f32);
-        let (mut triangles, mut areas, mut sum) = (Vec::new(), Vec::new(), 0.0);
-        for (baked, part) in parts.iter().zip(&scene.parts) {
-            for (number, corners) in part.source_triangles.iter().zip(&part.triangles) {
-                let corners = corners.map(|index| part.positions[index as usize]);
-                let Some(uv) = file.parts.triangle(baked.first_triangle + number) else { continue };
-                let uv = uv.map(Vec2::from);
-                let area = 0.5 * (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
-                let cells = 0.5 * ((uv[1] - uv[0]) * size).perp_dot((uv[2] - uv[0]) * size).abs();
-                sum += f64::from(area);
-                areas.push(sum);
-                triangles.push((corners, uv, (area / cells.max(f32::MIN_POSITIVE)).sqrt()));
+impl Check<'_> {
+    /// One pair; drawn anew until one can be asked about.
+    fn compare(&self, rng: &mut fastrand::Rng, mut sum: Agreement) -> Agreement {
+        let file = self.file;
+        for _ in 0..1000 {
+            let (Some(receiver), Some(sender)) = (self.surface.sample(rng), self.surface.sample(rng)) else { continue };
+            let way = sender.position - receiver.position;
+            let apart = 8.0 * file.meta.lift;
+            let facing = way.dot(receiver.normal) > apart && way.dot(sender.normal) < -apart;
+            let Some(texel) = self.texel(&receiver).filter(|_| facing) else { continue };
+            let visible = self.exact(&receiver, sender.position);
+            let point = sender.position.to_array();
+            let share = file.visibility(&texel, receiver.at.to_array(), point, Filter::PixelsAndTexels);
+            let agree = (share >= 0.5) == visible;
+            let within = |&distance: &f32| self.changes_within(distance, &receiver, texel.chart, &sender, visible);
+            if sum.pairs.is_multiple_of(EVERY) {
+                sum.sampled += 1;
+                sum.sampled_near += u64::from(BIN_ENDS[..ONE_TEXEL].iter().any(within));
             }
+            sum.pairs += 1;
+            sum.nearest += u64::from(file.visible(&texel, point) == visible);
+            sum.agreeing += u64::from(agree);
+            if !agree {
+                let bin = BIN_ENDS.iter().position(within).unwrap_or(BIN_ENDS.len());
+                sum.distances[bin] += 1;
+            }
+            return sum;
         }
-        Ok(Self { triangles, areas })
+        sum
     }
 
-    fn sample(&self, rng: &mut fastrand::Rng) -> Sample {
-        let at = rng.f64() * self.areas.last().copied().unwrap_or(0.0);
-        let index = self.areas.partition_point(|&sum| sum < at).min(self.triangles.len() - 1);
-        let (corners, uv, texel) = self.triangles[index];
-        let (mut b, mut c) = (rng.f32(), rng.f32());
-        if b + c > 1.0 {
-            (b, c) = (1.0 - b, 1.0 - c);
-        }
-        let position = corners[0] + b * (corners[1] - corners[0]) + c * (corners[2] - corners[0]);
-        let normal = (corners[1] - corners[0]).cross(corners[2] - corners[0]).normalize_or_zero();
-        Sample { position, normal, uv: uv[0] + b * (uv[1] - uv[0]) + c * (uv[2] - uv[0]), texel }
+    fn texel(&self, sample: &Sample) -> Option<Texel> {
+        let index = self.file.texel_at(sample.at.as_uvec2().to_array())?;
+        self.file.texel(index)
     }
+
+    /// Where rays start and end at the receiver.
+    fn lifted(&self, receiver: &Sample) -> Vec3 {
+        receiver.position + receiver.normal * self.file.meta.lift
+    }
+
+    fn exact(&self, receiver: &Sample, sender: Vec3) -> bool {
+        let way = sender - receiver.position;
+        let margin = 2.0 * self.file.meta.lift / way.length();
+        way.dot(receiver.normal) > 0.0 && self.bvh.visible(self.lifted(receiver), sender, margin)
+    }
+
+    /// Whether the pair lies within `distance` of an edge of visibility; see the module.
+    fn changes_within(&self, distance: f32, receiver: &Sample, chart: u32, sender: &Sample, visible: bool) -> bool {
+        let at = |offset| self.surface.at(receiver.at + offset);
+        let in_chart = |sample: &Sample| self.texel(sample).is_some_and(|texel| texel.chart == chart);
+        let round = circle(distance).filter_map(at).filter(in_chart);
+        // A pixel in the middle of a face, where pixels are largest.
+        let tangent = distance * 2.0 / self.file.meta.depth as f32;
+        std::iter::once(*receiver).chain(round).any(|receiver| {
+            let origin = self.lifted(&receiver);
+            let axis = (sender.position - origin).normalize_or(receiver.normal);
+            let slope = axis.dot(receiver.normal).abs().min(axis.dot(sender.normal).abs());
+            slope <= tangent
+                || self.exact(&receiver, sender.position) != visible
+                || self.edges.silhouette_in(&Cone { origin, axis, tangent }, self.file.meta.lift)
+        })
+    }
+}
+
+/// Offsets evenly round a circle.
+fn circle(radius: f32) -> impl Iterator<Item = Vec2> {
+    (0..AROUND).map(move |step| radius * Vec2::from_angle(std::f32::consts::TAU * step as f32 / AROUND as f32))
 }

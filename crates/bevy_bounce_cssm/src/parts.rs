@@ -7,7 +7,9 @@ pub const PART_WORDS: usize = 5;
 /// The word of a corner whose triangle has no room in the atlas.
 pub const NO_CORNER: u32 = u32::MAX;
 
-/// One primitive of one mesh, as one node places it, by the numbers that the glTF file gives them.
+/// One primitive of one mesh, as one node places it, by the numbers that the glTF file gives them. A double-sided primitive
+/// is two parts in a row: the first of its fronts, the second of the same triangles' backs. Corners are in the glTF file's order
+/// in both.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Part {
     /// Number of the node.

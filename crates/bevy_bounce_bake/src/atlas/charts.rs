@@ -5,12 +5,13 @@ use std::collections::HashMap;
 use glam::{UVec2, Vec2};
 
 use super::unwrap::unwrap;
-use crate::{BakeError, scene::Scene};
+use crate::{BakeError, Progress, scene::Scene};
 
 /// Where the atlas coordinates come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum UvSource {
-    /// The second UV set where every part has one, otherwise unwrapped.
+    /// The second UV set where every part has one and none is double-sided, for such a set has no room for backs; otherwise
+    /// unwrapped.
     #[default]
     Auto,
     /// Unwrapped, whatever UV sets there are.
@@ -34,12 +35,12 @@ pub struct Charted {
 
 impl Charted {
     /// Coordinates for an atlas of at most `size` by `size` texels.
-    pub fn new(scene: &Scene, size: u32, source: UvSource) -> Result<Self, BakeError> {
+    pub fn new(scene: &Scene, size: u32, source: UvSource, progress: &dyn Progress) -> Result<Self, BakeError> {
         let filled = || scene.parts.iter().filter(|part| !part.triangles.is_empty());
-        if source == UvSource::Auto && filled().all(|part| part.uv1.is_some()) {
+        if source == UvSource::Auto && filled().all(|part| part.uv1.is_some() && !part.back) {
             second_set(scene, size)
         } else {
-            unwrap(scene, size)
+            unwrap(scene, size, progress)
         }
     }
 }

@@ -7,9 +7,9 @@ mod unwrap;
 pub use charts::{Charted, UvSource};
 
 use bevy_bounce_cssm::Texel;
-use glam::UVec2;
+use glam::{UVec2, Vec2};
 
-use crate::{BakeError, scene::Scene};
+use crate::{BakeError, Progress, scene::Scene};
 
 /// Texels and where they lie.
 #[derive(Clone, Debug)]
@@ -35,8 +35,16 @@ pub struct AtlasTexel {
 
 impl Atlas {
     /// Lays the scene out in at most `size` by `size` texels.
-    pub fn build(scene: &Scene, size: u32, source: UvSource) -> Result<Self, BakeError> {
-        let charted = Charted::new(scene, size, source)?;
+    pub fn build(scene: &Scene, size: u32, source: UvSource, progress: &dyn Progress) -> Result<Self, BakeError> {
+        let charted = Charted::new(scene, size, source, progress)?;
         raster::rasterize(scene, charted)
     }
+}
+
+/// Weights of a triangle's corners at `at`.
+pub(crate) fn barycentric([a, b, c]: [Vec2; 3], at: Vec2) -> [f32; 3] {
+    let whole = (b - a).perp_dot(c - a);
+    let wb = (at - a).perp_dot(c - a) / whole;
+    let wc = (b - a).perp_dot(at - a) / whole;
+    [1.0 - wb - wc, wb, wc]
 }

@@ -1,18 +1,20 @@
 //! From charts to texels: what lies under each, by exact clipping.
 
 use bevy_bounce_cssm::{Texel, octahedral};
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
-use super::{Atlas, AtlasTexel, Charted};
+use super::{Atlas, AtlasTexel, Charted, barycentric};
 use crate::{
     BakeError,
-    scene::{Part, Scene},
+    scene::{Material, Part, Scene},
 };
 
 /// A texel with less of the surface than this share shows none of it.
 const LEAST_COVER: f32 = 1.0e-3;
 /// Charts that cover more than this much of a texel overlap.
 const MOST_COVER: f32 = 1.02;
+/// Places a side of a texel at which a surface with holes is looked at.
+const SAMPLES: u32 = 4;
 /// Faces of a texel whose normals differ by less (cosine) are one plane.
 const COPLANAR: f32 = 0.9999;
 
@@ -84,6 +86,15 @@ fn finish(cover: &Cover, cell: [u32; 2], triangles: &[[Vec3; 3]], charted: &Char
     AtlasTexel { texel, triangle: cover.triangle }
 }
 
+/// What a triangle shows in a texel.
+struct Piece {
+    /// In texels.
+    area: f32,
+    center: Vec2,
+    /// Linear.
+    color: Vec3,
+}
+
 struct Triangle<'a> {
     part: &'a Part,
     scene: &'a Scene,
@@ -118,7 +129,11 @@ impl<'a> Triangle<'a> {
                 }
                 let cover = &mut cover[(y * size.x + x) as usize];
                 let before = *cover;
-                self.add(cover, area, moment);
+                cover.area += area;
+                let piece = self.shade(Vec2::new(x as f32, y as f32), area, moment);
+                if piece.area > 0.0 {
+                    self.add(cover, &piece);
+                }
                 if charted.from_scene && (cover.area > MOST_COVER || (before.area > 0.0 && before.chart != self.chart))
                 {
                     return Err(self.conflict(&before, [x, y], cover.area > MOST_COVER, charted));
@@ -128,8 +143,29 @@ impl<'a> Triangle<'a> {
         Ok(())
     }
 
-    fn add(&self, cover: &mut Cover, area: f32, moment: Vec2) {
-        cover.area += area;
+    /// What the surface shows of `area` with first `moment` in the texel at `low`. With holes, that is looked at in a grid.
+    fn shade(&self, low: Vec2, area: f32, moment: Vec2) -> Piece {
+        let center = moment / area;
+        if self.material().cutoff <= 0.0 {
+            return Piece { area, center, color: self.color(center).truncate() };
+        }
+        let grid = (0..SAMPLES * SAMPLES).map(|i| Vec2::new((i % SAMPLES) as f32, (i / SAMPLES) as f32));
+        let grid = grid.map(|at| low + (at + 0.5) / SAMPLES as f32);
+        let mut places: Vec<Vec2> =
+            grid.filter(|at| barycentric(self.uv, *at).iter().all(|weight| *weight >= 0.0)).collect();
+        if places.is_empty() {
+            places.push(center);
+        }
+        let all = places.len() as f32;
+        let there: Vec<(Vec2, Vec4)> = places.into_iter().map(|at| (at, self.color(at))).collect();
+        let there: Vec<_> = there.into_iter().filter(|(_, color)| color.w >= self.material().cutoff).collect();
+        let count = there.len() as f32;
+        let (center, color) = there.into_iter().fold((Vec2::ZERO, Vec4::ZERO), |a, b| (a.0 + b.0, a.1 + b.1));
+        Piece { area: area * count / all, center: center / count, color: color.truncate() / count }
+    }
+
+    fn add(&self, cover: &mut Cover, piece: &Piece) {
+        let Piece { area, center, color } = *piece;
         if cover.chart_area > 0.0 && cover.chart != self.chart {
             // The chart with the larger share has the texel; unwrapped charts never meet here.
             if area <= cover.chart_area {
@@ -141,15 +177,15 @@ impl<'a> Triangle<'a> {
             *cover = Cover { chart: self.chart, flat: true, normal: self.normal, area: cover.area, ..Cover::default() };
         }
         cover.flat &= cover.normal.dot(self.normal) > COPLANAR;
-        let (world, center) = (area * self.density, moment / area);
-        cover.color += world * self.color(center);
+        let world = area * self.density;
+        cover.color += world * color;
         cover.world_area += world;
         let larger = area > cover.triangle_area;
         if larger {
             (cover.triangle, cover.triangle_area, cover.normal) = (self.number, area, self.normal);
         }
         if cover.flat {
-            cover.moment += moment;
+            cover.moment += area * center;
             cover.chart_area += area;
         } else {
             // Over an edge: the middle of the largest face.
@@ -162,16 +198,17 @@ impl<'a> Triangle<'a> {
         }
     }
 
-    fn color(&self, at: Vec2) -> Vec3 {
+    fn material(&self) -> &Material {
+        &self.scene.materials[self.part.material]
+    }
+
+    /// Colour and alpha.
+    fn color(&self, at: Vec2) -> Vec4 {
         let weights = barycentric(self.uv, at);
-        let material = &self.scene.materials[self.part.material];
-        let set = match &material.picture {
-            Some(picture) if picture.uv_set == 1 => &self.part.uv1,
-            _ => &self.part.uv0,
-        };
-        let mix2 = |values: &Vec<Vec2>| (0..3).map(|i| values[self.corners[i] as usize] * weights[i]).sum::<Vec2>();
-        let mix3 = |values: &Vec<Vec3>| (0..3).map(|i| values[self.corners[i] as usize] * weights[i]).sum::<Vec3>();
-        material.color(set.as_ref().map(mix2)) * self.part.colors.as_ref().map_or(Vec3::ONE, mix3)
+        let uv = self.part.texture_coordinates(self.material());
+        let uv = uv.map(|values| (0..3).map(|i| values[self.corners[i] as usize] * weights[i]).sum());
+        let mix = |values: &Vec<Vec4>| (0..3).map(|i| values[self.corners[i] as usize] * weights[i]).sum();
+        self.material().color(uv) * self.part.colors.as_ref().map_or(Vec4::ONE, mix)
     }
 
     fn conflict(&self, other: &Cover, cell: [u32; 2], overlap: bool, charted: &Charted) -> BakeError {
@@ -229,12 +266,4 @@ fn clipped(triangle: [Vec2; 3], low: Vec2) -> (f32, Vec2) {
     }
     let sign = area.signum();
     (area.abs(), sign * moment + area.abs() * low)
-}
-
-/// Weights of the corners at `at`.
-fn barycentric([a, b, c]: [Vec2; 3], at: Vec2) -> [f32; 3] {
-    let whole = (b - a).perp_dot(c - a);
-    let wb = (at - a).perp_dot(c - a) / whole;
-    let wc = (b - a).perp_dot(at - a) / whole;
-    [1.0 - wb - wc, wb, wc]
 }

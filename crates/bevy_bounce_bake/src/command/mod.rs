@@ -127,6 +127,9 @@ fn run_verify(args: &VerifyArgs) -> Result<(), Failure> {
         println!("  {range:<14} {count:>9}  {:6.3} %", 100.0 * count as f64 / agreement.pairs.max(1) as f64);
         low = end.unwrap_or(low);
     }
+    println!("within one texel: {:.2} % of the disagreements", agreement.near_percent());
+    let chance = 100.0 * agreement.sampled_near as f64 / agreement.sampled.max(1) as f64;
+    println!("within one texel: {chance:.2} % of all pairs");
     let nearest = 100.0 * agreement.nearest as f64 / agreement.pairs.max(1) as f64;
     println!("by a single pixel, without filtering: {nearest:.2} %");
     println!("agreement {:.2} %", agreement.percent());

@@ -1,45 +1,51 @@
 //! The progress bar: rate and time left, on stderr where that is a terminal.
 
-use std::sync::OnceLock;
+use std::sync::{Mutex, PoisonError};
 
-use bevy_bounce_bake::Progress;
+use bevy_bounce_bake::{Progress, Step};
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Shows how many depth maps are done.
+/// Shows how far the present step is.
 pub struct Bar {
     quiet: bool,
-    bar: OnceLock<ProgressBar>,
+    shown: Mutex<Option<(Step, ProgressBar)>>,
 }
 
 impl Bar {
-    /// A bar that shows once the number of maps is known, and never if `quiet`.
+    /// A bar that shows once there is something to tell, and never if `quiet`.
     pub fn new(quiet: bool) -> Self {
-        Self { quiet, bar: OnceLock::new() }
+        Self { quiet, shown: Mutex::new(None) }
     }
 
     /// Takes the bar off the screen.
     pub fn finish(&self) {
-        if let Some(bar) = self.bar.get() {
+        if let Some((_, bar)) = self.shown.lock().unwrap_or_else(PoisonError::into_inner).take() {
             bar.finish_and_clear();
         }
     }
 }
 
 impl Progress for Bar {
-    fn start(&self, maps: usize) {
-        self.bar.get_or_init(|| {
-            if self.quiet {
-                return ProgressBar::hidden();
-            }
-            let template = "{wide_bar} {human_pos} of {human_len} depth maps, {per_sec}, {eta} left";
-            let style = ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar());
-            ProgressBar::new(maps as u64).with_style(style)
-        });
-    }
-
-    fn advance(&self, maps: usize) {
-        if let Some(bar) = self.bar.get() {
-            bar.inc(maps as u64);
+    fn report(&self, step: Step, done: usize, total: Option<usize>) {
+        if self.quiet {
+            return;
         }
+        let mut shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some((_, bar)) = shown.take_if(|(other, _)| *other != step) {
+            bar.finish_and_clear();
+        }
+        let (_, bar) = shown.get_or_insert_with(|| (step, new_bar(step, total)));
+        bar.set_position(bar.position().max(done as u64));
     }
+}
+
+fn new_bar(step: Step, total: Option<usize>) -> ProgressBar {
+    let (bar, template) = match total {
+        Some(total) => {
+            let template = format!("{{wide_bar}} {{human_pos}} of {{human_len}} {step}, {{per_sec}}, {{eta}} left");
+            (ProgressBar::new(total as u64), template)
+        }
+        None => (ProgressBar::new_spinner(), format!("{{spinner}} {{human_pos}} {step}, {{elapsed}}")),
+    };
+    bar.with_style(ProgressStyle::with_template(&template).unwrap_or_else(|_| ProgressStyle::default_bar()))
 }

@@ -5,6 +5,8 @@ use std::time::Duration;
 use glam::Vec3;
 use obvhs::{BvhBuildParams, bvh2::Bvh2, bvh2::builder::build_bvh2_from_tris, ray::Ray, triangle::Triangle};
 
+use crate::scene::{Cutout, Material, Scene};
+
 /// A node, compact: boxes of the children decide where packets go.
 #[derive(Clone, Copy, Debug)]
 pub struct Node {
@@ -18,19 +20,24 @@ pub struct Node {
     pub count: u32,
 }
 
-/// A bounding volume hierarchy over triangles.
-pub struct Bvh {
+/// A bounding volume hierarchy over the triangles that stop light.
+pub struct Bvh<'a> {
     tree: Bvh2,
     /// Node 0 is the root.
     pub nodes: Vec<Node>,
     /// Corners of the triangles in the order of the leaves.
     pub triangles: Vec<[Vec3; 3]>,
+    /// For cutouts.
+    pub materials: &'a [Material],
+    /// In the same order; empty where no triangle has holes.
+    cutouts: Vec<Option<Cutout>>,
     single: Vec<Triangle>,
 }
 
-impl Bvh {
-    /// Builds the hierarchy; the same for the same triangles.
-    pub fn new(triangles: &[[Vec3; 3]]) -> Self {
+impl<'a> Bvh<'a> {
+    /// Builds the hierarchy; the same for the same scene.
+    pub fn new(scene: &'a Scene) -> Self {
+        let (triangles, cutouts): (Vec<_>, Vec<_>) = scene.occluders().unzip();
         let convert = |corners: &[Vec3; 3]| {
             let [v0, v1, v2] = corners.map(|corner| corner.to_array().into());
             Triangle { v0, v1, v2 }
@@ -47,7 +54,15 @@ impl Bvh {
         let order = |&index: &u32| triangles[index as usize];
         let ordered = tree.primitive_indices.iter().map(order).collect();
         let single = tree.primitive_indices.iter().map(|&index| single[index as usize]).collect();
-        Self { nodes, triangles: ordered, single, tree }
+        let solid = cutouts.iter().all(Option::is_none);
+        let cutouts = tree.primitive_indices.iter().filter(|_| !solid).map(|&index| cutouts[index as usize]).collect();
+        Self { nodes, triangles: ordered, materials: &scene.materials, cutouts, single, tree }
+    }
+
+    /// The holes of a triangle, by its place in [`triangles`](Self::triangles).
+    #[inline]
+    pub fn cutout(&self, index: usize) -> Option<&Cutout> {
+        self.cutouts.get(index)?.as_ref()
     }
 
     /// Whether nothing lies on the way from `from` to `to`, both ends left out by `margin` of the way. Ray by ray, by the
@@ -55,6 +70,22 @@ impl Bvh {
     pub fn visible(&self, from: Vec3, to: Vec3, margin: f32) -> bool {
         let direction = to - from;
         let ray = Ray::new(from.to_array().into(), direction.to_array().into(), margin, 1.0 - margin);
-        self.tree.ray_traverse_miss(ray, |ray, id| self.single[id].intersect(ray))
+        self.tree.ray_traverse_miss(ray, |ray, id| {
+            let at = self.single[id].intersect(ray);
+            let hole = at < f32::INFINITY
+                && self.cutout(id).is_some_and(|cutout| {
+                    let weights = weights(&self.triangles[id], from + direction * at);
+                    !cutout.is_there(self.materials, weights)
+                });
+            if hole { f32::INFINITY } else { at }
+        })
     }
+}
+
+/// Weights of a triangle's corners at a point of it.
+fn weights([a, b, c]: &[Vec3; 3], at: Vec3) -> [f32; 3] {
+    let normal = (b - a).cross(c - a);
+    let share = |from: Vec3, to: Vec3| (from - at).cross(to - at).dot(normal) / normal.length_squared();
+    let (wa, wb) = (share(*b, *c), share(*c, *a));
+    [wa, wb, 1.0 - wa - wb]
 }

@@ -31,7 +31,7 @@ impl Plane {
 /// A triangle as a packet sees it.
 #[derive(Clone, Debug)]
 pub struct FlatTriangle {
-    /// Positive inside.
+    /// Positive inside, in proportion to the weight of the corner opposite: the third, the first and the second one's.
     pub edges: [Plane; 3],
     /// Of the triangle's plane.
     pub nearness: Plane,
@@ -80,9 +80,16 @@ impl Layers {
         Self { first, second, first_reach, second_reach, close: 0, merge, half_pixel }
     }
 
-    /// Adds a triangle: it covers the pixels where all edges are positive or zero and nearness is positive.
+    /// Adds a triangle: it covers the pixels where all edges are positive or zero, nearness is positive, and `is_there` says
+    /// so of the weights of its corners.
     #[inline]
-    pub fn add(&mut self, us: &[f32; PACKET], vs: &[f32; PACKET], triangle: &FlatTriangle) {
+    pub fn add(
+        &mut self,
+        us: &[f32; PACKET],
+        vs: &[f32; PACKET],
+        triangle: &FlatTriangle,
+        is_there: impl Fn([f32; 3]) -> bool,
+    ) {
         let FlatTriangle { edges, nearness, rows } = triangle;
         let reach = (nearness.b.abs() + nearness.c.abs()) * self.half_pixel;
         let mut close = [0u32; PACKET];
@@ -93,7 +100,8 @@ impl Layers {
             let (first_reach, second_reach) = (&mut self.first_reach[y], &mut self.second_reach[y]);
             for x in 0..PACKET {
                 let [e0, e1, e2, near] = row.map(|(start, step)| start + step * us[x]);
-                let near = if e0.min(e1).min(e2) >= 0.0 { near.max(0.0) } else { 0.0 };
+                let inside = e0.min(e1).min(e2) >= 0.0 && is_there([e1, e2, e0].map(|edge| edge / (e0 + e1 + e2)));
+                let near = if inside { near.max(0.0) } else { 0.0 };
                 let (old, old_second) = (first[x], second[x]);
                 let merged = (near - old).abs() <= self.merge.0 + self.merge.1 * old * old;
                 let nearer = near > old;

@@ -39,11 +39,13 @@ pub fn cast<B: Beam>(bvh: &Bvh, beam: &B, layers: &mut Layers, stack: &mut Vec<(
         }
         let node = bvh.nodes[index as usize];
         if node.count > 0 {
-            for corners in &bvh.triangles[node.first as usize..(node.first + node.count) as usize] {
-                if let Some(triangle) = beam.triangle(corners) {
-                    layers.add(us, vs, &triangle);
-                    stale = true;
+            for index in node.first as usize..(node.first + node.count) as usize {
+                let Some(triangle) = beam.triangle(&bvh.triangles[index]) else { continue };
+                match bvh.cutout(index) {
+                    None => layers.add(us, vs, &triangle, |_| true),
+                    Some(cutout) => layers.add(us, vs, &triangle, |weights| cutout.is_there(bvh.materials, weights)),
                 }
+                stale = true;
             }
             continue;
         }
@@ -141,6 +143,12 @@ impl Beam for CubeTile {
             max < low * if low > 0.0 { near } else { far } || min > high * if high > 0.0 { far } else { near }
         };
         let missed = far <= 0.0 || misses(min[u], max[u], self.u) || misses(min[v], max[v], self.v);
+        // What lies between the centres of pixels meets no ray.
+        let between = |centers: &[f32; PACKET], min: f32, max: f32| {
+            let (low, high) = (min / if min > 0.0 { far } else { near }, max / if max > 0.0 { near } else { far });
+            FlatTriangle::rows(centers, low, high).is_empty()
+        };
+        let missed = missed || near > 0.0 && (between(&self.us, min[u], max[u]) || between(&self.vs, min[v], max[v]));
         (!missed).then(|| 1.0 / near)
     }
 
@@ -171,8 +179,6 @@ pub struct OrthoTile {
     /// Pixel centres in world units.
     us: [f32; PACKET],
     vs: [f32; PACKET],
-    u: [f32; 2],
-    v: [f32; 2],
 }
 
 impl OrthoTile {
@@ -180,8 +186,7 @@ impl OrthoTile {
     pub fn new(frame: [Vec3; 3], back: Vec3, radius: f32, [x, y]: [usize; 2], side: usize) -> Self {
         let at = |pixel: f32| (2.0 * pixel / side as f32 - 1.0) * radius;
         let centers = |first: usize| std::array::from_fn(|i| at((first + i) as f32 + 0.5));
-        let ends = |first: usize| [at(first as f32), at((first + PACKET) as f32)];
-        Self { frame, back, us: centers(x), vs: centers(y), u: ends(x), v: ends(y) }
+        Self { frame, back, us: centers(x), vs: centers(y) }
     }
 }
 
@@ -193,8 +198,10 @@ impl Beam for OrthoTile {
     fn bound(&self, min: Vec3, max: Vec3) -> Option<f32> {
         let (middle, half) = (0.5 * (min + max) - self.back, 0.5 * (max - min) * SLACK);
         let [u, v, w] = self.frame.map(|axis| (middle.dot(axis), half.dot(axis.abs())));
-        let misses = |(at, reach): (f32, f32), [low, high]: [f32; 2]| at + reach < low || at - reach > high;
-        (!misses(u, self.u) && !misses(v, self.v)).then_some(w.1 - w.0)
+        let misses = |(at, reach): (f32, f32), centers: &[f32; PACKET]| {
+            FlatTriangle::rows(centers, at - reach, at + reach).is_empty()
+        };
+        (!misses(u, &self.us) && !misses(v, &self.vs)).then_some(w.1 - w.0)
     }
 
     fn triangle(&self, corners: &[Vec3; 3]) -> Option<FlatTriangle> {

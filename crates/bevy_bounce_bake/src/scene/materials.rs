@@ -1,25 +1,42 @@
-//! Diffuse colours.
+//! Diffuse colours, and where a surface is at all.
+//!
+//! - Masked surfaces (`alphaMode` `MASK`) are there where alpha reaches the cutoff: rays pass their holes, and texels count
+//!   what is left.
+//! - Blended surfaces (`BLEND`) and those that transmit (`KHR_materials_transmission`) are not there: light passes them, and
+//!   they have no texels.
+//! - Double-sided surfaces have texels on both sides. All surfaces stop light from both sides.
+//! - Unlit surfaces stop light and reflect none.
+//! - A metal has no diffuse colour: the base colour is reduced by the metallic factor, unless a texture says how metallic.
 
-use glam::{Vec2, Vec3};
+use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
+use gltf::material::AlphaMode;
 use gltf::texture::WrappingMode;
 
 use super::Source;
 
-/// Longest side that is kept of a picture, in pixels. An atlas texel covers more than a pixel of what is left.
+/// Longest side that is kept of a colour texture, in pixels. An atlas texel covers more than a pixel of what is left.
 const LONGEST_SIDE: u32 = 512;
+/// The same of a texture that says where a surface is: rays meet single pixels of it.
+const LONGEST_MASK: u32 = 4096;
 
-/// The diffuse colour of a surface, linear.
+/// What a surface reflects, linear, and where it is.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// Factor, already reduced by how metallic the surface is.
-    pub factor: Vec3,
+    /// Colour already reduced by how metallic the surface is, and alpha.
+    pub factor: Vec4,
     /// What the factor is multiplied with.
     pub picture: Option<Picture>,
+    /// The surface is there where alpha is at least that; 0 for everywhere.
+    pub cutoff: f32,
+    /// Light passes it.
+    pub transparent: bool,
+    /// Both sides reflect.
+    pub two_sided: bool,
 }
 
 impl Default for Material {
     fn default() -> Self {
-        Self { factor: Vec3::ONE, picture: None }
+        Self { factor: Vec4::ONE, picture: None, cutoff: 0.0, transparent: false, two_sided: false }
     }
 }
 
@@ -28,9 +45,11 @@ impl Default for Material {
 pub struct Picture {
     width: u32,
     height: u32,
-    /// Linear colours, row by row.
-    pixels: Vec<Vec3>,
+    /// sRGB and alpha, row by row.
+    pixels: Vec<[u8; 4]>,
     wrap: [WrappingMode; 2],
+    /// From the UV set to the picture.
+    transform: Affine2,
     /// Which UV set: 0 or 1.
     pub uv_set: u32,
 }
@@ -38,19 +57,26 @@ pub struct Picture {
 impl Material {
     pub(super) fn read(material: &gltf::Material, source: &Source, buffers: &[Vec<u8>]) -> Result<Self, String> {
         let pbr = material.pbr_metallic_roughness();
-        let [r, g, b, _] = pbr.base_color_factor();
-        // A metal has no diffuse colour; where a texture says how metallic a surface is, the factor alone says nothing.
+        // Where a texture says how metallic a surface is, the factor alone says nothing.
         let metallic = if pbr.metallic_roughness_texture().is_some() { 0.0 } else { pbr.metallic_factor() };
-        let factor = Vec3::new(r, g, b) * (1.0 - metallic);
+        let diffuse = if material.unlit() { 0.0 } else { 1.0 - metallic };
+        let factor = Vec4::from(pbr.base_color_factor()) * Vec3::splat(diffuse).extend(1.0);
+        let cutoff = match material.alpha_mode() {
+            AlphaMode::Mask => material.alpha_cutoff().unwrap_or(0.5),
+            AlphaMode::Opaque | AlphaMode::Blend => 0.0,
+        };
+        let longest = if cutoff > 0.0 { LONGEST_MASK } else { LONGEST_SIDE };
         let picture = match pbr.base_color_texture() {
-            Some(info) => Some(Picture::read(&info, source, buffers)?),
+            Some(info) => Some(Picture::read(&info, longest, source, buffers)?),
             None => None,
         };
-        Ok(Self { factor, picture })
+        let transmission = material.transmission().map_or(0.0, |glass| glass.transmission_factor());
+        let transparent = material.alpha_mode() == AlphaMode::Blend || transmission > 0.0;
+        Ok(Self { factor, picture, cutoff, transparent, two_sided: material.double_sided() })
     }
 
-    /// The colour at these coordinates of the picture's UV set.
-    pub fn color(&self, uv: Option<Vec2>) -> Vec3 {
+    /// Colour and alpha at these coordinates of the picture's UV set.
+    pub fn color(&self, uv: Option<Vec2>) -> Vec4 {
         match (&self.picture, uv) {
             (Some(picture), Some(uv)) => self.factor * picture.color(uv),
             _ => self.factor,
@@ -59,7 +85,7 @@ impl Material {
 }
 
 impl Picture {
-    fn read(info: &gltf::texture::Info, source: &Source, buffers: &[Vec<u8>]) -> Result<Self, String> {
+    fn read(info: &gltf::texture::Info, longest: u32, source: &Source, buffers: &[Vec<u8>]) -> Result<Self, String> {
         let texture = info.texture();
         let image = texture.source();
         let wrong = |problem: String| format!("image {}: {problem}", image.index());
@@ -72,20 +98,27 @@ impl Picture {
         };
         let decoded = image::load_from_memory(&bytes)
             .map_err(|error| wrong(format!("{error}; export colour textures as PNG or JPEG")))?;
-        let longest = decoded.width().max(decoded.height());
-        let small = if longest > LONGEST_SIDE { decoded.thumbnail(LONGEST_SIDE, LONGEST_SIDE) } else { decoded };
-        let small = small.to_rgb8();
+        let large = decoded.width().max(decoded.height()) > longest;
+        let small = if large { decoded.thumbnail(longest, longest) } else { decoded }.to_rgba8();
         let sampler = texture.sampler();
+        let place = info.texture_transform();
+        let transform = place.as_ref().map_or(Affine2::IDENTITY, |place| {
+            // Turned by the negative angle, as glTF has it.
+            let turned = Mat2::from_angle(-place.rotation()) * Mat2::from_diagonal(place.scale().into());
+            Affine2::from_mat2_translation(turned, place.offset().into())
+        });
         Ok(Self {
             width: small.width(),
             height: small.height(),
-            pixels: small.pixels().map(|pixel| Vec3::from(pixel.0.map(linear))).collect(),
+            pixels: small.pixels().map(|pixel| pixel.0).collect(),
             wrap: [sampler.wrap_s(), sampler.wrap_t()],
-            uv_set: info.tex_coord(),
+            transform,
+            uv_set: place.and_then(|place| place.tex_coord()).unwrap_or(info.tex_coord()),
         })
     }
 
-    fn color(&self, uv: Vec2) -> Vec3 {
+    fn color(&self, uv: Vec2) -> Vec4 {
+        let uv = self.transform.transform_point2(uv);
         let [x, y] = [(uv.x, self.wrap[0], self.width), (uv.y, self.wrap[1], self.height)].map(|(t, wrap, size)| {
             let t = match wrap {
                 WrappingMode::ClampToEdge => t.clamp(0.0, 1.0),
@@ -94,7 +127,8 @@ impl Picture {
             };
             ((t * size as f32) as u32).min(size - 1)
         });
-        self.pixels[(y * self.width + x) as usize]
+        let [r, g, b, a] = self.pixels[(y * self.width + x) as usize];
+        Vec3::from([r, g, b].map(linear)).extend(f32::from(a) / 255.0)
     }
 }
 

@@ -1,14 +1,16 @@
 //! What is baked: the triangles of a scene and their colours, in the space of the scene's root.
 
 mod check;
+mod cutout;
 mod materials;
 mod read;
 mod source;
 
+pub use cutout::Cutout;
 pub use materials::{Material, Picture};
 pub use source::Source;
 
-use glam::{Vec2, Vec3};
+use glam::{Vec2, Vec3, Vec4};
 
 use crate::BakeError;
 
@@ -16,7 +18,8 @@ use crate::BakeError;
 const LEAST_DIAMETER: f32 = 1.0e-6;
 const MOST_DIAMETER: f32 = 1.0e6;
 
-/// One primitive of one mesh, as one node places it.
+/// One primitive of one mesh, as one node places it. A double-sided one is two parts in a row: its fronts, then the same
+/// triangles turned over.
 #[derive(Clone, Debug, Default)]
 pub struct Part {
     /// Name of the mesh and number of the primitive, for messages.
@@ -35,10 +38,12 @@ pub struct Part {
     pub uv0: Option<Vec<Vec2>>,
     /// Second UV set, for the atlas.
     pub uv1: Option<Vec<Vec2>>,
-    /// Linear vertex colours.
-    pub colors: Option<Vec<Vec3>>,
+    /// Linear vertex colours and alpha.
+    pub colors: Option<Vec<Vec4>>,
     /// Which of [`Scene::materials`].
     pub material: usize,
+    /// The backs of the part before. Stops no light that the fronts do not.
+    pub back: bool,
 }
 
 /// The object to bake: everything its scene shows that is rigid.
@@ -70,6 +75,26 @@ impl Part {
         let (source_triangles, triangles) = solid.unzip();
         Ok(Self { name, positions, triangles, source_triangles, source_count, ..Self::default() })
     }
+
+    /// The part's backs.
+    fn turned_over(&self) -> Self {
+        let back = Self { name: format!("{}, back", self.name), back: true, ..self.clone() };
+        let triangles = self.triangles.iter().map(|&corners| back.source_order(corners)).collect();
+        Self { triangles, ..back }
+    }
+
+    /// A triangle's corners in the order of the source instead of the part's, or the other way round.
+    pub(crate) fn source_order<T: Copy>(&self, [a, b, c]: [T; 3]) -> [T; 3] {
+        if self.back { [a, c, b] } else { [a, b, c] }
+    }
+
+    /// The UV set that the material's colour texture takes.
+    pub fn texture_coordinates(&self, material: &Material) -> Option<&Vec<Vec2>> {
+        match &material.picture {
+            Some(picture) if picture.uv_set == 1 => self.uv1.as_ref(),
+            _ => self.uv0.as_ref(),
+        }
+    }
 }
 
 impl Scene {
@@ -84,7 +109,7 @@ impl Scene {
     /// Whether there is something to bake, of a size that can be reckoned with.
     fn checked(self, name: &str) -> Result<Self, BakeError> {
         if self.parts.iter().all(|part| part.triangles.is_empty()) {
-            let problem = "shows no triangle of any area: export meshes with faces";
+            let problem = "shows no triangle of any area that stops light: export opaque or masked meshes with faces";
             return Err(BakeError::source(name, problem.to_owned()));
         }
         let (min, max) = self.bounds();
@@ -102,6 +127,18 @@ impl Scene {
         self.parts
             .iter()
             .flat_map(|part| part.triangles.iter().map(|corners| corners.map(|index| part.positions[index as usize])))
+    }
+
+    /// Three corners of each triangle that stops light, and its holes, part by part: those of [`triangles`](Self::triangles)
+    /// but for backs.
+    pub fn occluders(&self) -> impl Iterator<Item = ([Vec3; 3], Option<Cutout>)> + '_ {
+        self.parts.iter().filter(|part| !part.back).flat_map(|part| {
+            let material = &self.materials[part.material];
+            part.triangles.iter().map(|&corners| {
+                let cutout = Cutout::new(part, material, corners);
+                (corners.map(|index| part.positions[index as usize]), cutout)
+            })
+        })
     }
 
     /// Smallest and largest corner of the box round all triangles.

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use glam::{Mat4, Vec2, Vec3};
+use glam::{Mat4, Vec2, Vec3, Vec4};
 use gltf::mesh::Mode;
 
 use super::{Material, Part, Scene, Source, check};
@@ -16,6 +16,12 @@ impl Scene {
         check::ranges(&source.gltf, &buffers).map_err(wrong)?;
         let scene = source.gltf.default_scene().or_else(|| source.gltf.scenes().next());
         let scene = scene.ok_or_else(|| wrong("holds no scene: export one".into()))?;
+        let mut materials: Vec<Material> = Vec::new();
+        for material in source.gltf.materials() {
+            materials.push(Material::read(&material, source, &buffers).map_err(wrong)?);
+        }
+        let default = materials.len();
+        materials.push(Material::default());
         let mut parts = Vec::new();
         for (node, transform) in placed_nodes(&scene).map_err(wrong)? {
             let Some(mesh) = node.mesh() else { continue };
@@ -29,16 +35,14 @@ impl Scene {
                 let part = read_part(&primitive, transform, &buffers, name.clone());
                 let part = part.map_err(|problem| wrong(format!("{name}: {problem}")))?;
                 let numbers = [node.index(), mesh.index(), primitive.index()].map(|number| number as u32);
-                parts.extend(part.map(|part| Part { numbers, ..part }));
+                let material = primitive.material().index().unwrap_or(default);
+                let Material { transparent, two_sided, .. } = materials[material];
+                let Some(part) = part.filter(|_| !transparent) else { continue };
+                let part = Part { numbers, material, ..part };
+                let back = two_sided.then(|| part.turned_over());
+                parts.extend([part].into_iter().chain(back));
             }
         }
-        let mut materials: Vec<Material> = Vec::new();
-        for material in source.gltf.materials() {
-            materials.push(Material::read(&material, source, &buffers).map_err(wrong)?);
-        }
-        materials.push(Material::default());
-        let last = materials.len() - 1;
-        parts.iter_mut().for_each(|part| part.material = part.material.min(last));
         Self { parts, materials, source_hash: source.hash() }.checked(&source.name)
     }
 }
@@ -117,9 +121,9 @@ fn read_part(
         let uv: Vec<Vec2> = reader.read_tex_coords(set)?.into_f32().map(Vec2::from).collect();
         (uv.len() == part.positions.len() && uv.iter().all(|uv| uv.is_finite())).then_some(uv)
     };
-    let colors: Option<Vec<Vec3>> = reader.read_colors(0).map(|colors| colors.into_rgb_f32().map(Vec3::from).collect());
+    let colors: Option<Vec<Vec4>> =
+        reader.read_colors(0).map(|colors| colors.into_rgba_f32().map(Vec4::from).collect());
     let colors = colors.filter(|colors| colors.len() == part.positions.len());
     let (uv0, uv1) = (uv(0), uv(1));
-    let material = primitive.material().index().unwrap_or(usize::MAX);
-    Ok(Some(Part { uv0, uv1, colors, material, ..part }))
+    Ok(Some(Part { uv0, uv1, colors, ..part }))
 }

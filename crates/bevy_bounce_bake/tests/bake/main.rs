@@ -2,7 +2,9 @@
 
 mod command;
 mod lossless;
+mod materials;
 #[cfg(feature = "processor")]
 mod processor;
+mod progress;
 mod scenes;
 mod visibility;

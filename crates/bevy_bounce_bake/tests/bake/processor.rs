@@ -45,8 +45,10 @@ fn folder() -> tempfile::TempDir {
     folder
 }
 
-fn baked(outcomes: &[BakeOutcome]) -> bool {
-    matches!(outcomes, [BakeOutcome { recipe, result: Ok(_) }] if recipe.to_string() == "rooms/room.cssm.ron")
+fn assert_baked(outcomes: &[BakeOutcome]) {
+    let baked =
+        matches!(outcomes, [BakeOutcome { recipe, result: Ok(_) }] if recipe.to_string() == "rooms/room.cssm.ron");
+    assert!(baked, "{outcomes:?}");
 }
 
 #[test]
@@ -54,7 +56,7 @@ fn what_has_changed_is_baked_again() {
     let folder = folder();
     let assets = folder.path().join("assets/rooms");
     let output = folder.path().join("imported/Default/rooms/room.cssm.ron");
-    assert!(baked(&run(folder.path())));
+    assert_baked(&run(folder.path()));
 
     // The same bytes as by the library, and by the command, which calls it.
     let scene = Source::open(&cornell_box()).and_then(|source| Scene::from_gltf(&source)).expect("it is fine");
@@ -63,7 +65,7 @@ fn what_has_changed_is_baked_again() {
     assert!(run(folder.path()).is_empty());
 
     std::fs::write(assets.join("room.cssm.ron"), RECIPE.replace("24", "32")).expect("writable");
-    assert!(baked(&run(folder.path())));
+    assert_baked(&run(folder.path()));
     assert!(std::fs::read(&output).expect("it was written") != bytes);
     assert!(run(folder.path()).is_empty());
 
@@ -72,7 +74,7 @@ fn what_has_changed_is_baked_again() {
     let last = changed.len() - 6;
     changed[last] ^= 1;
     std::fs::write(assets.join("room.glb"), &changed).expect("writable");
-    assert!(baked(&run(folder.path())));
+    assert_baked(&run(folder.path()));
 
     std::fs::write(assets.join("room.glb"), &glb[..glb.len() / 2]).expect("writable");
     let outcomes = run(folder.path());
@@ -81,7 +83,7 @@ fn what_has_changed_is_baked_again() {
     assert!(problem.contains("truncated"), "{problem}");
 
     std::fs::write(assets.join("room.glb"), &glb).expect("writable");
-    assert!(baked(&run(folder.path())));
+    assert_baked(&run(folder.path()));
     assert!(run(folder.path()).is_empty());
 }
 
