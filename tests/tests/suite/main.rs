@@ -1,6 +1,7 @@
 //! All tests of bevy_bounce that need more than one crate: one binary, because each links Bevy.
 
 mod compose;
+mod cssm;
 mod deform;
 mod harness;
 mod metrics;
