@@ -1,6 +1,6 @@
 // What is visible: from a texel to a point by the texel's cube map, and from far away by the maps from outside. The same
 // operations in the same order as on the CPU (crate bevy_bounce_cssm, `query`, `cube` and `csm`), so that the answers are the
-// same. Ritschel, Grosch, Kautz and Seidel 2008, 3.2.2.
+// same; from outside, but for a few in ten thousand where rounding leads to the next direction. Ritschel, Grosch, Kautz and Seidel 2008, 3.2.2.
 //
 // Points and directions are in the object's space.
 //

@@ -27,15 +27,16 @@
 //!
 //! # Cost
 //!
-//! Nodes of the cuts times receivers: pixels, and texels for each bounce but one. A cut has about as many nodes as the
-//! receiver's light has steps of [`CssmSettings::error`]. Memory is that of the file and a hundred bytes a texel.
+//! Nodes of the cuts times receivers: pixels, and texels for each bounce but one. A cut has at least as many nodes as
+//! the receiver's light has steps of [`CssmSettings::error`]. Memory is that of the file and a hundred bytes a texel.
 //!
 //! # What counts
 //!
 //! One object at a time, rigid: turned, moved, scaled evenly. Its diffuse colours are those of the bake, its emission is that of
 //! its materials now. What is not baked receives light and neither blocks nor reflects it. A light within the object's box that has
 //! only one surface of it on a line with a texel, or stands between two of them, may be seen through the first: the cube maps
-//! know where surfaces are, not where lights are.
+//! know where surfaces are, not where lights are. A node of the cut is as visible as one of its texels: where bright ones are
+//! together with dark ones that are hidden, some light is lost, less with a smaller error.
 
 mod display;
 mod object;
