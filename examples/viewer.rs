@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
-use bevy_bounce_examples::{Error, Options, app, error, options};
+use bevy_bounce_examples::options::TechniqueOption;
+use bevy_bounce_examples::{Error, Options, app, baked, error, options};
 use clap::Parser;
 
 /// Shows a glTF scene lit by bounced light.
@@ -24,7 +25,7 @@ struct Cli {
     /// Turns textures upside down, which is how the path-traced references show them
     #[arg(long, hide = true)]
     flip_textures: bool,
-    /// Baked visibility for the scene
+    /// Baked visibility for the scene, for --technique cssm [default: baked now, atlas 128, depth 64]
     #[arg(long, value_name = "FILE.cssm")]
     bake: Option<PathBuf>,
     /// Print the names of the scene's cameras, one a line
@@ -39,19 +40,21 @@ fn main() -> ExitCode {
 }
 
 fn view(cli: &Cli) -> Result<(), Error> {
-    if cli.bake.is_some() {
-        return Err(Error::NotBuilt("--bake"));
-    }
     let run = cli.options.check()?;
+    let by_bake = cli.options.technique == TechniqueOption::Cssm;
+    if cli.bake.is_some() && !by_bake {
+        return Err(Error::Usage("--bake: baked visibility is for --technique cssm".into()));
+    }
     let file = SceneFile::open(&cli.scene.clone().unwrap_or_else(default_scene))?;
     if cli.list_cameras {
         file.cameras.iter().for_each(|camera| println!("{}", camera.name));
         return Ok(());
     }
     let camera = file.camera(cli.camera.as_deref())?.cloned();
+    let bake = by_bake.then(|| baked::load(cli.bake.as_deref(), &file.path)).transpose()?;
     let folder = file.folder();
     app::launch(run, Some(folder), |app| {
-        app.add_plugins(GltfScenePlugin { file, camera, matte: cli.matte, flip_textures: cli.flip_textures });
+        app.add_plugins(GltfScenePlugin { file, camera, matte: cli.matte, flip_textures: cli.flip_textures, bake });
     })
 }
 

@@ -5,6 +5,7 @@
 
 pub mod adapter;
 pub mod app;
+pub mod baked;
 pub mod camera;
 pub mod capture;
 pub mod error;
@@ -24,6 +25,8 @@ use std::process::ExitCode;
 use bevy::prelude::App;
 use clap::Parser;
 
+use options::TechniqueOption;
+
 pub use error::Error;
 pub use options::Options;
 pub use run::Run;
@@ -41,6 +44,10 @@ struct Cli {
 pub fn launch(name: &'static str, scene: impl FnOnce(&mut App)) -> ExitCode {
     error::exit(name, || {
         let cli: Cli = options::parse(name)?;
-        app::launch(cli.options.check()?, None, scene)
+        let run = cli.options.check()?;
+        if cli.options.technique == TechniqueOption::Cssm {
+            return Err(Error::Usage("--technique cssm: nothing is baked here; try the viewer".into()));
+        }
+        app::launch(run, None, scene)
     })
 }

@@ -55,6 +55,12 @@ pub struct Options {
     /// Pixels at which it is integrated
     #[arg(long, value_enum)]
     pub ssbc_resolution: Option<ResolutionOption>,
+    /// Steps of the display below which baked texels are taken together, over the quality's
+    #[arg(long, value_name = "X")]
+    pub cssm_error: Option<f32>,
+    /// How baked visibility is looked up
+    #[arg(long, value_enum)]
+    pub cssm_filter: Option<FilterOption>,
     /// Bounced light alone, before compensation, after it, or what it adds; instead of --isolate
     #[arg(long, value_enum, conflicts_with = "isolate")]
     pub show: Option<ShowOption>,
@@ -128,6 +134,15 @@ pub enum ResolutionOption {
     Full,
     /// Every fourth
     Half,
+}
+
+/// `--cssm-filter`
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FilterOption {
+    /// By one pixel
+    Nearest,
+    /// By four
+    Pixels,
 }
 
 /// `--show`

@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bevy::prelude::*;
-use bevy_bounce::{GiIsolate, GlobalIllumination, Quality, SsbcResolution, Technique, VplVisibility};
+use bevy_bounce::{CssmFilter, GiIsolate, GlobalIllumination, Quality, SsbcResolution, Technique, VplVisibility};
 
 use crate::options::{
-    IsolateOption, QualityOption, ResolutionOption, ShowOption, Switch, TechniqueOption, VisibilityOption,
+    FilterOption, IsolateOption, QualityOption, ResolutionOption, ShowOption, Switch, TechniqueOption, VisibilityOption,
 };
 use crate::{Error, Options};
 
@@ -77,7 +77,6 @@ impl Options {
     fn reject_unbuilt(&self) -> Result<(), Error> {
         let unbuilt = [
             (self.technique == TechniqueOption::RadianceCache, "--technique radiance-cache; try vpl"),
-            (self.technique == TechniqueOption::Cssm, "--technique cssm; try vpl"),
             (self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try atlas"),
             (self.temporal == Switch::On, "--temporal on"),
             (self.glossy == Switch::On, "--glossy on"),
@@ -121,8 +120,18 @@ impl Options {
             Some(ResolutionOption::Half) => SsbcResolution::Half,
             None => settings.ssbc.resolution,
         };
+        settings.cssm.error = self.cssm_error.unwrap_or(settings.cssm.error);
+        settings.cssm.filter = match self.cssm_filter {
+            Some(FilterOption::Nearest) => CssmFilter::Nearest,
+            Some(FilterOption::Pixels) => CssmFilter::Pixels,
+            None => settings.cssm.filter,
+        };
+        let technique = match self.technique {
+            TechniqueOption::Cssm => Technique::SurfaceRadiosity,
+            _ => Technique::InstantRadiosity,
+        };
         let quality = if settings == preset.settings() { preset } else { Quality::Custom(settings) };
-        GlobalIllumination { technique: Technique::InstantRadiosity, quality }
+        GlobalIllumination { technique, quality }
     }
 
     fn steps(&self) -> Vec<Duration> {

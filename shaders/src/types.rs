@@ -412,3 +412,79 @@ pub struct SsbcParameters {
 
 /// Levels of the hierarchy of the bias compensation above the pixels.
 pub const SSBC_LEVELS: u32 = 6;
+
+/// A baked object: where it stands, and how its words are read. Lengths are world units of the object's own space.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct CssmBake {
+    /// First row of the affine matrix from the object's space to the world.
+    pub world_from_object_x: Vec4,
+    /// Second row.
+    pub world_from_object_y: Vec4,
+    /// Third row.
+    pub world_from_object_z: Vec4,
+    /// First row of its inverse.
+    pub object_from_world_x: Vec4,
+    /// Second row.
+    pub object_from_world_y: Vec4,
+    /// Third row.
+    pub object_from_world_z: Vec4,
+    /// Smallest corner of the object's box.
+    pub bounds_min: Vec3,
+    /// Texels, each with a cube map.
+    pub texel_count: u32,
+    /// Largest corner.
+    pub bounds_max: Vec3,
+    /// Side of a cube map's face, pixels.
+    pub depth: u32,
+    /// Centre of the sphere that the maps from outside show.
+    pub csm_center: Vec3,
+    /// Its radius.
+    pub csm_radius: f32,
+    /// Depth of one step in a cube map.
+    pub quantum: f32,
+    /// How far above its texel a cube map's centre stands.
+    pub lift: f32,
+    /// Depth of one step in a map from outside.
+    pub csm_quantum: f32,
+    /// Side of the grid of directions of the maps from outside; 0 without such maps.
+    pub csm_grid: u32,
+    /// Side of a map from outside, pixels.
+    pub csm_side: u32,
+    /// Where in the directory that of the maps from outside begins.
+    pub csm_directory: u32,
+    /// Where in the blocks those of the maps from outside begin.
+    pub csm_blocks: u32,
+    /// Words of a page of blocks, as a power of two.
+    pub page_bits: u32,
+}
+
+/// How light is gathered from a baked object.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct CssmGather {
+    /// Light, cd/m^2, below which a node's share is not refined.
+    pub threshold: f32,
+    /// 1 where visibility is filtered over four pixels.
+    pub filtered: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_a: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_b: u32,
+}
+
+/// A level of the hierarchy.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct CssmLevel {
+    /// Steps from the root.
+    pub level: u32,
+}
+
+/// Which triangle a texel of a baked object shows.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct CssmSurface {
+    /// Part of the bake, or [`NONE`].
+    pub part: u32,
+    /// Triangle within the part.
+    pub triangle: u32,
+    /// Weights of the second and third corner, 2 unorm16.
+    pub barycentric: u32,
+}

@@ -54,6 +54,10 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         VplParameters,
         VplHeader,
         SsbcParameters,
+        CssmBake,
+        CssmGather,
+        CssmLevel,
+        CssmSurface,
     ];
     let fields = struct_fields(TYPES);
     let mut layouts = BTreeMap::new();

@@ -2,6 +2,7 @@
 //!
 //! | module | what for |
 //! |---|---|
+//! | [`baked`] | small bakes as the GPU takes them |
 //! | [`compose`] | the shipped WGSL as naga modules, with Bevy's own modules beside it |
 //! | [`translate`] | those modules in every language that a backend takes, and what they ask of a device |
 //! | [`gpu`] | one compute shader on its own: bind, dispatch, read back |
@@ -18,6 +19,7 @@
 //! and no optional feature; `BOUNCE_SHARED` names the folder with scenes and references; `BOUNCE_STRICT=1` fails where
 //! they are absent instead of skipping by name.
 
+pub mod baked;
 pub mod compose;
 pub mod flip;
 pub mod glb;

@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use bevy::prelude::*;
 use bevy::render::RenderApp;
-use bevy_bounce::{GiIsolate, GiSettings, GlobalIllumination, Quality, SsbcSettings, Technique, VplVisibility};
+use bevy_bounce::{
+    CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, SsbcSettings, Technique, VplVisibility,
+};
 use bevy_bounce_examples::capture::{self, CaptureScene, Targets};
 use bevy_bounce_examples::{Run, app, headless};
 
@@ -21,6 +23,7 @@ pub const SMALL: GiSettings = GiSettings {
     tile: 24,
     bound: 1.0,
     ssbc: SsbcSettings::OFF,
+    cssm: CssmSettings::DEFAULT,
 };
 
 /// Global illumination with those settings.

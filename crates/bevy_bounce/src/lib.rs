@@ -19,6 +19,7 @@ pub mod avg;
 mod camera;
 pub mod compose;
 mod compute;
+pub mod cssm;
 pub mod interleaved;
 mod memory;
 mod plugins;
@@ -32,6 +33,7 @@ pub mod vpl;
 
 pub use avg::AvgPlugin;
 pub use compose::{GiComposePlugin, GiIsolate, ViewPass};
+pub use cssm::{CssmFilter, CssmObject, CssmPart, CssmPlugin, CssmSettings};
 pub use interleaved::InterleavedShadingPlugin;
 pub use memory::gpu_memory;
 pub use plugins::{GiSystems, GlobalIlluminationPlugins};
@@ -44,6 +46,7 @@ pub use vpl::VplPlugin;
 /// What a game needs to name.
 pub mod prelude {
     pub use crate::{
-        GiLight, GlobalIllumination, GlobalIlluminationPlugins, Quality, Technique, VoxelizedMesh, VplVisibility,
+        CssmObject, GiLight, GlobalIllumination, GlobalIlluminationPlugins, Quality, Technique, VoxelizedMesh,
+        VplVisibility,
     };
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use bevy::prelude::*;
 
 use crate::avg::VoxelGrid;
+use crate::cssm::Baked;
 use crate::scene::SceneBuffers;
 use crate::shadow_atlas::ShadowAtlas;
 use crate::ssbc::SsbcTextures;
@@ -22,6 +23,7 @@ pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let items = items.chain(render_world.get_resource::<VoxelGrid>().map(VoxelGrid::bytes).into_iter().flatten());
     let items = items.chain(render_world.get_resource::<VplBuffers>().map(VplBuffers::bytes).into_iter().flatten());
     let items = items.chain(render_world.get_resource::<ShadowAtlas>().map(ShadowAtlas::bytes).into_iter().flatten());
+    let items = items.chain(render_world.get_resource::<Baked>().map(Baked::bytes).into_iter().flatten());
     let items = items.chain(views.iter(render_world).flat_map(ViewTextures::bytes));
     let items = items.chain(compensated.iter(render_world).flat_map(SsbcTextures::bytes));
     let mut memory = BTreeMap::new();

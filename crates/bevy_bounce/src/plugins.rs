@@ -8,7 +8,8 @@ use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
 use crate::settings::{GiWorldSettings, extract_world_settings};
 use crate::{
-    AvgPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
+    AvgPlugin, CssmPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, ShadowAtlasPlugin, SsbcPlugin,
+    VplPlugin,
 };
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.
@@ -21,6 +22,7 @@ use crate::{
 /// | [`ShadowAtlasPlugin`] | what virtual point lights see | they see by rays through the grid |
 /// | [`InterleavedShadingPlugin`] | indirect light per pixel | nothing bounces |
 /// | [`SsbcPlugin`] | gives back what bounding took from the indirect light | corners are darker |
+/// | [`CssmPlugin`] | light from baked objects | `Technique::SurfaceRadiosity` bounces nothing |
 /// | [`GiComposePlugin`] | into the picture | Bevy's own picture |
 #[derive(Default)]
 pub struct GlobalIlluminationPlugins {
@@ -36,6 +38,7 @@ impl PluginGroup for GlobalIlluminationPlugins {
             .add(ShadowAtlasPlugin)
             .add(InterleavedShadingPlugin)
             .add(SsbcPlugin)
+            .add(CssmPlugin)
             .add(GiComposePlugin)
     }
 }
@@ -58,6 +61,8 @@ pub enum GiSystems {
     VplTrace,
     /// Their shadow maps are drawn.
     ShadowAtlas,
+    /// Texels of baked objects are lit.
+    Cssm,
 }
 
 /// Orders the stages; every plugin of the group calls it, so that each works without the others.
@@ -72,7 +77,7 @@ pub(crate) fn configure_stages(render_app: &mut SubApp) {
         )
         .configure_sets(
             RenderGraph,
-            (GiSystems::Scene, GiSystems::Voxelize, GiSystems::VplTrace, GiSystems::ShadowAtlas)
+            (GiSystems::Scene, GiSystems::Voxelize, GiSystems::VplTrace, GiSystems::ShadowAtlas, GiSystems::Cssm)
                 .chain()
                 .in_set(RenderGraphSystems::Render)
                 .before(camera_driver),

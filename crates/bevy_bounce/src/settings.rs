@@ -4,8 +4,8 @@ use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
 
-use crate::SsbcSettings;
 use crate::compute::MAX_WORKGROUPS;
+use crate::{CssmSettings, SsbcSettings};
 
 /// Lights what this camera sees with bounced light, computed afresh every frame.
 ///
@@ -28,9 +28,11 @@ pub enum Technique {
     /// Virtual point lights traced through the voxel grid. Keller 1997, Bashford-Rogers et al. 2012.
     #[default]
     InstantRadiosity,
+    /// Radiosity between the texels of a baked object, see [`CssmObject`](crate::CssmObject). Ritschel et al. 2008.
+    SurfaceRadiosity,
 }
 
-/// How much is spent. With several cameras the world stages follow the most demanding one.
+/// How much is spent. Baked objects are gathered from with an error of 32, 16, 8 and 4 steps of the display. With several cameras the world stages follow the most demanding one.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq)]
 pub enum Quality {
     /// 256 virtual lights, a grid of 32^3 voxels, one bias compensation.
@@ -68,6 +70,8 @@ pub struct GiSettings {
     pub bound: f32,
     /// Compensation of what the bounded geometry term takes from corners.
     pub ssbc: SsbcSettings,
+    /// Gathering from baked objects.
+    pub cssm: CssmSettings,
 }
 
 /// Virtual lights times triangles that are drawn into their shadow maps, at most.
@@ -107,7 +111,7 @@ impl Default for GiSettings {
 impl Quality {
     /// The values this quality stands for, within the documented ranges.
     pub fn settings(&self) -> GiSettings {
-        let preset = |grid, vpls, tile, iterations| GiSettings {
+        let preset = |grid, vpls, tile, iterations, error| GiSettings {
             grid,
             vpls,
             bounces: 12,
@@ -115,12 +119,13 @@ impl Quality {
             tile,
             bound: 1.0,
             ssbc: SsbcSettings { iterations, ..default() },
+            cssm: CssmSettings { error, ..default() },
         };
         match *self {
-            Quality::Low => preset(32, 256, 24, 1),
-            Quality::Medium => preset(64, 1024, 32, 1),
-            Quality::High => preset(96, 4096, 32, 2),
-            Quality::Ultra => preset(128, 8192, 48, 2),
+            Quality::Low => preset(32, 256, 24, 1, 32.0),
+            Quality::Medium => preset(64, 1024, 32, 1, 16.0),
+            Quality::High => preset(96, 4096, 32, 2, 8.0),
+            Quality::Ultra => preset(128, 8192, 48, 2, 4.0),
             Quality::Custom(custom) => GiSettings {
                 grid: custom.grid.clamp(8, 256),
                 vpls: custom.vpls.clamp(16, 65536),
@@ -129,6 +134,7 @@ impl Quality {
                 tile: custom.tile.clamp(8, 48) & !3,
                 bound: if custom.bound.is_finite() { custom.bound.clamp(0.01, 100.0) } else { 1.0 },
                 ssbc: custom.ssbc.clamped(),
+                cssm: custom.cssm.clamped(),
             },
         }
     }
@@ -145,7 +151,7 @@ pub(crate) fn extract_world_settings(
 ) {
     world.0 = cameras
         .iter()
-        .filter(|(gi, camera)| camera.is_active && gi.technique != Technique::None)
+        .filter(|(gi, camera)| camera.is_active && gi.technique == Technique::InstantRadiosity)
         .map(|(gi, _)| gi.quality.settings())
         .reduce(|a, b| GiSettings {
             grid: a.grid.max(b.grid),
@@ -155,5 +161,6 @@ pub(crate) fn extract_world_settings(
             tile: a.tile.max(b.tile),
             bound: a.bound.min(b.bound),
             ssbc: a.ssbc,
+            cssm: a.cssm,
         });
 }

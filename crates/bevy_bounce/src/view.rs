@@ -21,13 +21,15 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::RenderDevice;
 use bevy::render::view::ExtractedView;
 
-use crate::{GiIsolate, GiSettings};
+use crate::{GiIsolate, GiSettings, Technique};
 
 /// A camera with bounced light, in the render world.
 #[derive(Component, Clone, Copy, Debug)]
 pub(crate) struct GiView {
     /// What the picture holds.
     pub isolate: GiIsolate,
+    /// How bounced light is computed.
+    pub technique: Technique,
     /// What the camera asks for.
     pub settings: GiSettings,
 }

@@ -12,6 +12,8 @@ use bevy::math::bounding::Aabb3d;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::world_serialization::WorldInstanceReady;
+use bevy_bounce::CssmObject;
+use bevy_bounce_cssm::{CssmAsset, CssmFile};
 
 use super::handler::{self, NodeIndex};
 use super::{FileCamera, SceneFile, mips};
@@ -32,6 +34,8 @@ pub struct GltfScenePlugin {
     pub matte: bool,
     /// Textures upside down: the path-traced references take v the other way round.
     pub flip_textures: bool,
+    /// Baked visibility of the whole scene.
+    pub bake: Option<CssmFile>,
 }
 
 /// Exposure until it is measured: a lit room at night.
@@ -43,6 +47,7 @@ struct Loading {
     camera: Option<FileCamera>,
     matte: bool,
     flip_textures: bool,
+    bake: Option<CssmFile>,
     gltf: Handle<Gltf>,
     /// Frames since the scene was spawned: transforms are global from the first on.
     spawned: Option<u32>,
@@ -68,6 +73,7 @@ impl Plugin for GltfScenePlugin {
             camera: self.camera.clone(),
             matte: self.matte,
             flip_textures: self.flip_textures,
+            bake: self.bake.clone(),
             gltf: Handle::default(),
             spawned: None,
             root: None,
@@ -103,6 +109,7 @@ fn spawn(
     mut failed: ResMut<Failed>,
     assets: Res<AssetServer>,
     gltfs: Res<Assets<Gltf>>,
+    mut bakes: ResMut<Assets<CssmAsset>>,
 ) {
     if loading.root.is_some() {
         return;
@@ -117,7 +124,11 @@ fn spawn(
         Some((LoadState::Loaded, _, RecursiveDependencyLoadState::Loaded)) => {
             let scene = gltfs.get(&loading.gltf).and_then(|gltf| gltf.scenes.get(loading.file.scene));
             if let Some(scene) = scene {
-                loading.root = Some(commands.spawn(WorldAssetRoot(scene.clone())).id());
+                let root = commands.spawn(WorldAssetRoot(scene.clone())).id();
+                loading.root = Some(root);
+                if let Some(file) = loading.bake.take() {
+                    commands.entity(root).insert(CssmObject { bake: bakes.add(CssmAsset { file }) });
+                }
             }
         }
         _ => (),

@@ -2,6 +2,7 @@
 
 mod agreement;
 mod compose;
+mod cssm;
 mod deform;
 mod harness;
 mod metrics;

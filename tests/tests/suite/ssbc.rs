@@ -408,7 +408,7 @@ fn corners_are_nearer_to_the_reference() {
     let size = UVec2::new(reference.width as u32, reference.height as u32);
     let run = stage::run(size, Some(illumination(settings(1024, SsbcSettings::OFF))));
     let mut stage = Stage::with_assets(run, Some(file.folder()), |app| {
-        app.add_plugins(GltfScenePlugin { file, camera, matte: true, flip_textures: false });
+        app.add_plugins(GltfScenePlugin { file, camera, matte: true, flip_textures: false, bake: None });
     });
     let bounded = Metrics::new(&stage.picture(), &reference).expect("sizes are equal");
     stage.light_by(illumination(settings(1024, SsbcSettings { iterations: 2, ..default() })));

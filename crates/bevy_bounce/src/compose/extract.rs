@@ -8,7 +8,7 @@ use bevy::render::sync_world::RenderEntity;
 
 use super::pipelines::ViewPipelines;
 use crate::view::{GiView, ViewTextures};
-use crate::{GiIsolate, GlobalIllumination};
+use crate::{GiIsolate, GlobalIllumination, SsbcSettings, Technique};
 
 /// Marks the views of cameras with bounced light, and takes everything from those that no longer have it.
 pub(super) fn extract_views(
@@ -21,8 +21,13 @@ pub(super) fn extract_views(
     for (entity, camera, illumination, isolate) in &cameras {
         if camera.is_active && illumination.is_active() {
             active.insert(entity);
-            let settings = illumination.quality.settings();
-            commands.entity(entity).insert(GiView { isolate: isolate.copied().unwrap_or_default(), settings });
+            let technique = illumination.technique;
+            let mut settings = illumination.quality.settings();
+            if technique != Technique::InstantRadiosity {
+                settings.ssbc = SsbcSettings::OFF;
+            }
+            let isolate = isolate.copied().unwrap_or_default();
+            commands.entity(entity).insert(GiView { isolate, technique, settings });
         }
     }
     for entity in views.iter().filter(|entity| !active.contains(entity)) {

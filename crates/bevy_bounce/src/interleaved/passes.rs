@@ -7,13 +7,13 @@ use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 
 use super::pipelines::InterleavedPipelines;
-use crate::VplVisibility;
 use crate::avg::{VoxelGrid, bind_grid};
 use crate::compute::whole;
 use crate::settings::GiWorldSettings;
 use crate::shadow_atlas::{ShadowAtlas, bind_atlas};
 use crate::view::{GiView, ViewTextures};
 use crate::vpl::VplBuffers;
+use crate::{Technique, VplVisibility};
 
 /// Edge of a tile of pixels of one sub-image, times the edge of the 4x4 blocks.
 const TILE_PIXELS: u32 = 8 * 4;
@@ -33,6 +33,9 @@ pub(super) fn shade(
 ) {
     let (gi, textures, offset) = view.into_inner();
     let (Some(_), Some(p), Some(vpl), Some(grid)) = (settings.0, pipelines, vpl, grid) else { return };
+    if gi.technique != Technique::InstantRadiosity {
+        return;
+    }
     let (Some(view_buffer), Some(grid_uniform)) = (view_uniforms.uniforms.buffer(), grid.uniform.binding()) else {
         return;
     };

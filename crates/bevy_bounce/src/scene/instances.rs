@@ -36,13 +36,13 @@ struct Record {
 
 /// See the module.
 #[derive(Resource)]
-pub(super) struct Instances {
+pub(crate) struct Instances {
     /// By slot.
-    pub table: GpuTable<Instance>,
+    pub(super) table: GpuTable<Instance>,
     /// Of all instances, in the order of their slots.
-    pub chunks: GpuTable<Chunk>,
+    pub(super) chunks: GpuTable<Chunk>,
     /// Of those whose material emits.
-    pub emissive_chunks: GpuTable<Chunk>,
+    pub(super) emissive_chunks: GpuTable<Chunk>,
     generation: u32,
     slots: SlotAllocator,
     by_entity: HashMap<Entity, u32>,
@@ -84,6 +84,13 @@ impl Instances {
         self.generation
     }
 
+    /// Where an entity's instance is, its material and its first index.
+    pub fn look(&self, entity: Entity) -> Option<[u32; 3]> {
+        let slot = *self.by_entity.get(&entity)?;
+        let instance = self.table.values().get(slot as usize)?;
+        Some([slot, instance.material, instance.index_offset])
+    }
+
     /// Slot, mesh and box of those that take part, by slot.
     pub fn present(&self) -> impl Iterator<Item = (u32, AssetId<Mesh>, Bounds)> {
         (0u32..)
@@ -105,7 +112,7 @@ impl Instances {
     }
 
     /// What is known of an entity that may bend: slot, shape, mesh and transform.
-    pub fn shape_mut(&mut self, entity: Entity) -> Option<(u32, &mut Shape, AssetId<Mesh>, Affine3A)> {
+    pub(super) fn shape_mut(&mut self, entity: Entity) -> Option<(u32, &mut Shape, AssetId<Mesh>, Affine3A)> {
         let slot = *self.by_entity.get(&entity)?;
         let record = self.records.get_mut(slot as usize)?.as_mut()?;
         Some((slot, &mut record.shape, record.source.mesh, record.source.transform))

@@ -44,7 +44,7 @@ use bevy::render::{ExtractSchedule, Render, RenderApp, RenderStartup, RenderSyst
 use self::deform::{DeformJobs, ExtractedPoses, extract_poses, update_deformed};
 use self::extract::{ExtractedInstances, ExtractedMaterials, SceneCameras};
 use self::extract::{extract_cameras, extract_instances, extract_materials};
-use self::instances::{Instances, resolve_instances, update_instances};
+use self::instances::{resolve_instances, update_instances};
 use self::lights::{ExtractedLights, Lights, extract_lights, update_lights};
 use self::materials::{Materials, resolve_materials, update_materials};
 use self::meshes::collect_meshes;
@@ -57,6 +57,7 @@ use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
 
+pub(crate) use self::instances::Instances;
 pub(crate) use self::prepare::SceneBuffers;
 
 /// What a light adds to the bounced light; without it a light takes part as [`GiLight::default`].

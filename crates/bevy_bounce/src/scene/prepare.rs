@@ -42,6 +42,7 @@ pub(crate) struct SceneBuffers {
     bounds: Bounds,
     occluders: OccluderCounts,
     pose_bytes: u64,
+    light_revision: u64,
 }
 
 impl SceneBuffers {
@@ -68,6 +69,7 @@ impl SceneBuffers {
             occluders: OccluderCounts::default(),
             surface_points: placeholder(),
             pose_bytes: 0,
+            light_revision: 0,
         }
     }
 
@@ -94,6 +96,11 @@ impl SceneBuffers {
     /// What casts shadows into the maps of virtual lights.
     pub fn occluders(&self) -> OccluderCounts {
         self.occluders
+    }
+
+    /// Counts the frames in which lights, materials or their textures became others.
+    pub fn light_revision(&self) -> u64 {
+        self.light_revision
     }
 
     /// What each buffer holds on the GPU, bytes.
@@ -169,6 +176,9 @@ pub(super) fn upload_scene(
             *held = current.clone();
         }
     };
+    let changed = lights.table.is_dirty() || materials.table.is_dirty() || !thumbnails.queue.is_empty();
+    let fewer = lights.table.values().len() as u32 != buffers.uniform.get().light_count;
+    buffers.light_revision += u64::from(changed || fewer);
     macro_rules! upload {
         ($table:expr, $buffer:expr) => {
             $table.upload(&device, &queue);

@@ -77,6 +77,11 @@ where
         self.dirty.start = self.dirty.start.min(self.dirty.end);
     }
 
+    /// Whether something is to be uploaded.
+    pub fn is_dirty(&self) -> bool {
+        !self.dirty.is_empty()
+    }
+
     fn mark(&mut self, index: usize) {
         if self.dirty.is_empty() {
             self.dirty = index..index + 1;

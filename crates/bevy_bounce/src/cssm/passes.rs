@@ -1,0 +1,174 @@
+//! Light the texels, when something has changed; then the pixels.
+
+use bevy::prelude::*;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::{
+    BindGroup, BindingResource, BufferBinding, CommandEncoder, PipelineCache, ShaderType,
+};
+use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
+use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+
+use super::pipelines::{CssmPipelines, bind_maps};
+use super::prepare::{Baked, CssmViewUniform};
+use crate::Technique;
+use crate::compute::{folded, whole};
+use crate::scene::SceneBuffers;
+use crate::view::{GiView, ViewTextures};
+
+/// Threads of a workgroup.
+const GROUP: u32 = 64;
+/// Edge of a workgroup over pixels.
+const TILE: u32 = 8;
+
+/// What the kernels bind.
+struct Groups {
+    emit: BindGroup,
+    direct: BindGroup,
+    /// By level; the one of the leaves is any.
+    hierarchy: Vec<BindGroup>,
+    bounce: BindGroup,
+    maps: BindGroup,
+}
+
+impl Groups {
+    fn new(
+        p: &CssmPipelines,
+        baked: &Baked,
+        scene: &SceneBuffers,
+        device: &RenderDevice,
+        cache: &PipelineCache,
+    ) -> Option<Self> {
+        let (bake, gather) = (baked.parameters.binding()?, baked.gather.binding()?);
+        let emit = [
+            whole(&scene.geometry),
+            whole(&scene.instances),
+            whole(&scene.materials),
+            whole(&scene.thumbnails),
+            whole(&baked.surfaces),
+            whole(&baked.part_instances),
+            whole(&baked.sources),
+        ];
+        let direct = [
+            whole(&baked.texels),
+            bake.clone(),
+            scene.uniform()?,
+            whole(&scene.lights),
+            gather.clone(),
+            whole(&baked.sources),
+        ];
+        let hierarchy = |level| {
+            let bindings = [
+                whole(&baked.texels),
+                bake.clone(),
+                whole(&baked.tree),
+                whole(&baked.powers),
+                whole(&baked.sources),
+                whole(&baked.gathered),
+                whole(level),
+            ];
+            p.leaves.bind(device, cache, &bindings)
+        };
+        let bounce = [
+            whole(&baked.texels),
+            bake.clone(),
+            whole(&baked.tree),
+            whole(&baked.powers),
+            gather,
+            whole(&baked.gathered),
+        ];
+        Some(Self {
+            emit: p.emit.bind(device, cache, &emit),
+            direct: p.direct.bind(device, cache, &direct),
+            hierarchy: baked.levels.iter().map(hierarchy).collect(),
+            bounce: p.bounce.bind(device, cache, &bounce),
+            maps: bind_maps(baked, device, cache),
+        })
+    }
+}
+
+/// Light of every node from that of the texels.
+fn pull(p: &CssmPipelines, groups: &Groups, texels: u32, encoder: &mut CommandEncoder, cache: &PipelineCache) {
+    if let Some(group) = groups.hierarchy.first() {
+        p.leaves.dispatch(encoder, cache, &[group], folded(texels.div_ceil(GROUP)));
+    }
+    for (level, group) in groups.hierarchy.iter().enumerate().rev() {
+        p.pull.dispatch(encoder, cache, &[group], folded((1_u32 << level).div_ceil(GROUP)));
+    }
+}
+
+/// Emission and direct light of the texels, then bounce after bounce. What is there stays while nothing changes.
+pub(super) fn light_texels(
+    baked: Option<ResMut<Baked>>,
+    pipelines: Option<Res<CssmPipelines>>,
+    scene: Option<Res<SceneBuffers>>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (Some(mut baked), Some(p), Some(scene)) = (baked, pipelines, scene) else { return };
+    let baked = &mut *baked;
+    let Some(wanted) = baked.wanted.clone().filter(|wanted| Some(wanted) != baked.solved.as_ref()) else { return };
+    let Some(groups) = Groups::new(&p, baked, &scene, ctx.render_device(), &cache).filter(|_| p.are_ready(&cache))
+    else {
+        return;
+    };
+    let texels = baked.texel_count();
+    let size = folded(texels.div_ceil(GROUP));
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = ctx.command_encoder();
+    let span = diagnostics.time_span(encoder, "bounce/cssm");
+    p.emit.dispatch(encoder, &cache, &[&groups.emit], size);
+    p.direct.dispatch(encoder, &cache, &[&groups.direct, &groups.maps], size);
+    encoder.clear_buffer(&baked.gathered, 0, None);
+    pull(&p, &groups, texels, encoder, &cache);
+    // The pixels' own gather is the last bounce.
+    for _ in 1..wanted.bounces {
+        p.bounce.dispatch(encoder, &cache, &[&groups.bounce, &groups.maps], size);
+        pull(&p, &groups, texels, encoder, &cache);
+    }
+    span.end(encoder);
+    baked.solved = Some(wanted);
+    baked.times_lit += 1;
+}
+
+/// The final gather of a view into `indirect`.
+pub(super) fn light_pixels(
+    view: ViewQuery<(&GiView, &CssmViewUniform, &ViewTextures, &ViewUniformOffset)>,
+    baked: Option<Res<Baked>>,
+    pipelines: Option<Res<CssmPipelines>>,
+    view_uniforms: Res<ViewUniforms>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (gi, settings, textures, offset) = view.into_inner();
+    let (Some(baked), Some(p), Some(view_buffer)) = (baked, pipelines, view_uniforms.uniforms.buffer()) else { return };
+    let is_lit = baked.wanted.is_some() && baked.wanted == baked.solved;
+    if gi.technique != Technique::SurfaceRadiosity || !is_lit {
+        return;
+    }
+    let (Some(bake), Some(settings)) = (baked.parameters.binding(), settings.0.binding()) else { return };
+    let view_uniform = BindingResource::Buffer(BufferBinding {
+        buffer: view_buffer,
+        offset: offset.offset.into(),
+        size: Some(ViewUniform::min_size()),
+    });
+    let bindings = [
+        whole(&baked.texels),
+        bake,
+        whole(&baked.tree),
+        whole(&baked.powers),
+        settings,
+        view_uniform,
+        BindingResource::TextureView(&textures.surface),
+        BindingResource::TextureView(&textures.indirect),
+    ];
+    let group = p.pixels.bind(ctx.render_device(), &cache, &bindings);
+    let maps = bind_maps(&baked, ctx.render_device(), &cache);
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = ctx.command_encoder();
+    let span = diagnostics.time_span(encoder, "bounce/cssm_pixels");
+    let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE));
+    p.pixels.dispatch(encoder, &cache, &[&group, &maps], tiles.extend(1));
+    span.end(encoder);
+}

@@ -1,0 +1,40 @@
+//! What can be chosen.
+
+use bevy::prelude::*;
+
+/// How light is gathered from baked objects.
+#[derive(Reflect, Clone, Copy, Debug, PartialEq)]
+pub struct CssmSettings {
+    /// Steps of 1/255 of the display's brightness, after exposure and tone mapping, 0.05 to 128: texels are taken together
+    /// where the light from all of them is less. Less is more exact and calmer; cost is about its inverse.
+    pub error: f32,
+    /// How visibility is looked up.
+    pub filter: CssmFilter,
+}
+
+/// How baked visibility is looked up.
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum CssmFilter {
+    /// By one pixel of a cube map.
+    #[default]
+    Nearest,
+    /// Percentage-closer filtering of four: softer edges at up to four times the cost.
+    Pixels,
+}
+
+impl CssmSettings {
+    /// Sixteen steps, unfiltered.
+    pub const DEFAULT: Self = Self { error: 16.0, filter: CssmFilter::Nearest };
+
+    /// The same within the documented ranges.
+    pub(crate) fn clamped(self) -> Self {
+        let error = if self.error.is_finite() { self.error.clamp(0.05, 128.0) } else { Self::DEFAULT.error };
+        Self { error, ..self }
+    }
+}
+
+impl Default for CssmSettings {
+    fn default() -> Self {
+        Self::DEFAULT
+    }
+}

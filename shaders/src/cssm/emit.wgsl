@@ -1,0 +1,33 @@
+// What the texels of a baked object emit: the emission of the material that their triangles have now, with its texture.
+//
+// Cost: one thread a texel; a triangle and a word of a thumbnail each.
+
+#import bevy_bounce::cssm::types::CssmSurface
+#import bevy_bounce::shared::scene::NONE
+#import bevy_bounce::shared::triangles::{load_triangle, surface_emission}
+
+@group(0) @binding(4) var<storage, read> surfaces: array<CssmSurface>;
+// Of each part, its instance, or NONE.
+@group(0) @binding(5) var<storage, read> part_instances: array<u32>;
+// Of each texel, radiance without bounces, cd/m^2.
+@group(0) @binding(6) var<storage, read_write> sources: array<vec4<f32>>;
+
+const MAX_WORKGROUPS: u32 = 65535u;
+
+@compute @workgroup_size(64)
+fn emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    if index >= arrayLength(&surfaces) {
+        return;
+    }
+    let surface = surfaces[index];
+    var radiance = vec3<f32>(0.0);
+    if surface.part != NONE && part_instances[surface.part] != NONE {
+        let t = load_triangle(part_instances[surface.part], surface.triangle, vec3<f32>(0.0), 1.0);
+        if t.valid {
+            let weights = unpack2x16unorm(surface.barycentric);
+            radiance = surface_emission(t, t.a + (t.b - t.a) * weights.x + (t.c - t.a) * weights.y);
+        }
+    }
+    sources[index] = vec4<f32>(radiance, 0.0);
+}

@@ -1,0 +1,149 @@
+// Light that a point receives from a baked object's texels: a cut through their hierarchy, chosen while it is walked through
+// without a stack, and summed. Ritschel, Grosch, Kautz and Seidel 2008, 4.3, figure 10; bounds as in lightcuts (Walter et al.
+// 2005).
+//
+// A node is refined where the light that could come from it, if all of it stood and faced as favourably as its sphere and its
+// cone allow, is more than the threshold. A node that is not refined sends its light from one of its texels, another one for
+// each receiver; at most one query of visibility a node.
+//
+// Cost: a node visited about 50 operations, a node of the cut a query of visibility.
+
+#define_import_path bevy_bounce::cssm::gather
+
+#import bevy_bounce::cssm::query::visibility
+#import bevy_bounce::cssm::texels::{bake, load_texel}
+#import bevy_bounce::cssm::tree::{unpack_node, node_count, Node}
+#import bevy_bounce::cssm::types::CssmGather
+
+#import bevy_bounce::shared::sampling::PI
+
+/// Nodes, then the texels of the leaves, four at a time.
+@group(0) @binding(2) var<storage, read> tree: array<vec4<u32>>;
+/// Of each node: sum of radiance times area, and of the area.
+@group(0) @binding(3) var<storage, read> powers: array<vec4<f32>>;
+@group(0) @binding(4) var<uniform> settings: CssmGather;
+
+/// Square of the distance, in areas of a texel, within which the texel's shape counts.
+const NEAR: f32 = 16.0;
+
+struct Gathered {
+    /// Irradiance over pi, cd/m^2.
+    light: vec3<f32>,
+    /// Nodes of the cut.
+    cut: u32,
+}
+
+fn leaf_texel(rank: u32) -> u32 {
+    return tree[node_count() + rank / 4u][rank % 4u];
+}
+
+// Jarzynski and Olano 2020, "Hash Functions for GPU Rendering": PCG.
+fn hash(value: u32) -> u32 {
+    let state = value * 747796405u + 2891336453u;
+    let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
+    return (word >> 22u) ^ word;
+}
+
+// Cosine of an angle, of which `cosine` is that and `slack` that of how much smaller it may be.
+fn widened_cosine(cosine: f32, slack: f32) -> f32 {
+    if cosine >= slack {
+        return 1.0;
+    }
+    return cosine * slack + sqrt(max(1.0 - cosine * cosine, 0.0) * max(1.0 - slack * slack, 0.0));
+}
+
+// Geometry term that no texel of the node exceeds, times pi; negative where nothing of it can be received, and infinite where
+// the point is among the texels.
+fn largest_transfer(node: Node, position: vec3<f32>, normal: vec3<f32>) -> f32 {
+    let way = node.center - position;
+    let square = dot(way, way);
+    let distance = sqrt(square);
+    if distance <= node.radius * 1.0001 {
+        return 1e30;
+    }
+    let direction = way / distance;
+    // Half the angle under which the sphere is seen.
+    let sine = node.radius / distance;
+    let cosine = sqrt(max(1.0 - sine * sine, 0.0));
+    let receiver = widened_cosine(dot(normal, direction), cosine);
+    // The cone of normals and that angle together.
+    let cone_sine = sqrt(max(1.0 - node.cosine * node.cosine, 0.0));
+    var sender = 1.0;
+    if sine * node.cosine + cosine * cone_sine >= 0.0 {
+        sender = widened_cosine(-dot(node.axis, direction), cosine * node.cosine - sine * cone_sine);
+    }
+    if receiver <= 0.0 || sender <= 0.0 {
+        return -1.0;
+    }
+    let nearest = distance - node.radius;
+    return receiver * sender / (nearest * nearest);
+}
+
+// Lambert's sum over the edges of a polygon: the edge between two directions.
+fn edge(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
+    let normal = cross(a, b);
+    let sine = length(normal);
+    return normal * select(1.0, atan2(sine, dot(a, b)) / sine, sine > 1e-6);
+}
+
+// Form factor of a square of that area and normal whose middle is `way` from the receiver. Lambert 1760.
+fn square_form_factor(way: vec3<f32>, normal: vec3<f32>, area: f32, receiver: vec3<f32>) -> f32 {
+    let helper = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 0.0, 1.0), abs(normal.z) < 0.9);
+    let across = normalize(cross(helper, normal)) * (0.5 * sqrt(area));
+    let up = cross(normal, across);
+    let a = normalize(way - across - up);
+    let b = normalize(way + across - up);
+    let c = normalize(way + across + up);
+    let d = normalize(way - across + up);
+    let sum = edge(a, b) + edge(b, c) + edge(c, d) + edge(d, a);
+    return max(-dot(sum, receiver) / (2.0 * PI), 0.0);
+}
+
+// Light from one texel in the name of a node, whose power that is.
+fn transfer(index: u32, is_leaf: bool, power: vec4<f32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
+    let texel = load_texel(index);
+    let way = texel.position - position;
+    let square = dot(way, way);
+    let sender = -dot(texel.normal, way);
+    if sender <= 0.0 {
+        return vec3<f32>(0.0);
+    }
+    // Of a disc of the node's area, faced from its axis; of a square where that would not do.
+    var form_factor = max(dot(normal, way), 0.0) * sender * power.w / (square * (PI * square + power.w));
+    if is_leaf && square < NEAR * texel.area {
+        form_factor = square_form_factor(way, texel.normal, texel.area, normal);
+    }
+    if form_factor <= 0.0 {
+        return vec3<f32>(0.0);
+    }
+    return power.rgb * (form_factor / power.w * visibility(texel, position, settings.filtered != 0u));
+}
+
+/// Light at a point of the object's space; `seed` is another one for each receiver.
+fn gather(position: vec3<f32>, normal: vec3<f32>, seed: u32) -> Gathered {
+    var result = Gathered(vec3<f32>(0.0), 0u);
+    let end = node_count();
+    var index = 0u;
+    var rank = 0u;
+    while index < end {
+        let node = unpack_node(tree[index]);
+        let count = (node.skip - index + 1u) / 2u;
+        let power = powers[index];
+        let most = max(power.r, max(power.g, power.b));
+        if most > 0.0 {
+            let bound = largest_transfer(node, position, normal) / PI;
+            if count > 1u && bound * most > settings.threshold {
+                index += 1u;
+                continue;
+            }
+            if bound > 0.0 {
+                let pick = hash(seed ^ hash(index)) % count;
+                result.light += transfer(leaf_texel(rank + pick), count == 1u, power, position, normal);
+                result.cut += 1u;
+            }
+        }
+        rank += count;
+        index = node.skip;
+    }
+    return result;
+}

@@ -1,0 +1,83 @@
+// Texels of a baked object, as the file has them: places of its surface, each with a cube map.
+//
+// Cost: ten words a texel.
+
+#define_import_path bevy_bounce::cssm::texels
+
+#import bevy_bounce::cssm::types::CssmBake
+
+@group(0) @binding(0) var<storage, read> texels: array<u32>;
+@group(0) @binding(1) var<uniform> bake: CssmBake;
+
+/// Words of a texel's record.
+const TEXEL_WORDS: u32 = 10u;
+
+/// A place of the surface, in the object's space.
+struct Texel {
+    position: vec3<f32>,
+    normal: vec3<f32>,
+    area: f32,
+    /// Linear diffuse colour.
+    diffuse: vec3<f32>,
+    /// Block * 64 + lane of its cube map.
+    slot: u32,
+}
+
+// A square root that is not made one with a division: what is divided by it is rounded as on the CPU.
+fn root(x: f32) -> f32 {
+    return max(sqrt(x), 1e-30);
+}
+
+// The unit vector of a normal in the file, by the same operations as on the CPU: visibility must not depend on who asks.
+fn decode_normal(word: u32) -> vec3<f32> {
+    let bits = bitcast<i32>(word);
+    let u = max(f32((bits << 16u) >> 16u) / 32767.0, -1.0);
+    let v = max(f32(bits >> 16u) / 32767.0, -1.0);
+    let z = 1.0 - abs(u) - abs(v);
+    let fold = max(-z, 0.0);
+    let x = select(u - fold, u + fold, u < 0.0);
+    let y = select(v - fold, v + fold, v < 0.0);
+    let length = root(x * x + y * y + z * z);
+    return vec3<f32>(x / length, y / length, z / length);
+}
+
+fn load_texel(index: u32) -> Texel {
+    let at = index * TEXEL_WORDS;
+    var texel: Texel;
+    texel.position = vec3<f32>(bitcast<f32>(texels[at]), bitcast<f32>(texels[at + 1u]), bitcast<f32>(texels[at + 2u]));
+    texel.normal = decode_normal(texels[at + 3u]);
+    texel.area = bitcast<f32>(texels[at + 4u]);
+    texel.diffuse = vec3<f32>(unpack2x16float(texels[at + 5u]), unpack2x16float(texels[at + 6u]).x);
+    texel.slot = texels[at + 9u];
+    return texel;
+}
+
+/// A point of the world in the object's space.
+fn to_object(point: vec3<f32>) -> vec3<f32> {
+    let p = vec4<f32>(point, 1.0);
+    return vec3<f32>(dot(bake.object_from_world_x, p), dot(bake.object_from_world_y, p), dot(bake.object_from_world_z, p));
+}
+
+/// A direction of the world in the object's space.
+fn turn_to_object(direction: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(
+        dot(bake.object_from_world_x.xyz, direction),
+        dot(bake.object_from_world_y.xyz, direction),
+        dot(bake.object_from_world_z.xyz, direction),
+    );
+}
+
+/// A point of the object in the world.
+fn to_world(point: vec3<f32>) -> vec3<f32> {
+    let p = vec4<f32>(point, 1.0);
+    return vec3<f32>(dot(bake.world_from_object_x, p), dot(bake.world_from_object_y, p), dot(bake.world_from_object_z, p));
+}
+
+/// A direction of the object in the world.
+fn turn_to_world(direction: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(
+        dot(bake.world_from_object_x.xyz, direction),
+        dot(bake.world_from_object_y.xyz, direction),
+        dot(bake.world_from_object_z.xyz, direction),
+    );
+}

@@ -1,0 +1,43 @@
+// Structs of the baked visibility, as in types.rs.
+
+#define_import_path bevy_bounce::cssm::types
+
+struct CssmBake {
+    world_from_object_x: vec4<f32>,
+    world_from_object_y: vec4<f32>,
+    world_from_object_z: vec4<f32>,
+    object_from_world_x: vec4<f32>,
+    object_from_world_y: vec4<f32>,
+    object_from_world_z: vec4<f32>,
+    bounds_min: vec3<f32>,
+    texel_count: u32,
+    bounds_max: vec3<f32>,
+    depth: u32,
+    csm_center: vec3<f32>,
+    csm_radius: f32,
+    quantum: f32,
+    lift: f32,
+    csm_quantum: f32,
+    csm_grid: u32,
+    csm_side: u32,
+    csm_directory: u32,
+    csm_blocks: u32,
+    page_bits: u32,
+}
+
+struct CssmGather {
+    threshold: f32,
+    filtered: u32,
+    padding_a: u32,
+    padding_b: u32,
+}
+
+struct CssmLevel {
+    level: u32,
+}
+
+struct CssmSurface {
+    part: u32,
+    triangle: u32,
+    barycentric: u32,
+}

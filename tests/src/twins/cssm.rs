@@ -1,0 +1,81 @@
+//! Light of a baked object's texels, one by one.
+
+use std::f32::consts::PI;
+
+use bevy::math::Vec3;
+use bevy_bounce_cssm::{CssmFile, Texel};
+use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, LIGHT_SPOT, Light};
+
+/// All texels.
+pub fn texels(file: &CssmFile) -> Vec<Texel> {
+    (0..file.meta.texels as usize).filter_map(|index| file.texel(index)).collect()
+}
+
+/// Irradiance by lights, of an object that stands where it was baked.
+pub fn direct(file: &CssmFile, texel: &Texel, lights: &[Light]) -> Vec3 {
+    let (position, normal) = (Vec3::from(texel.position), Vec3::from(texel.normal));
+    let mut sum = Vec3::ZERO;
+    for light in lights {
+        if light.kind == LIGHT_DIRECTIONAL {
+            let cosine = -normal.dot(light.direction);
+            if cosine > 0.0 && file.seen_from_outside(texel.position, light.direction.into()) {
+                sum += light.color * cosine;
+            }
+            continue;
+        }
+        let way = light.position - position;
+        let square = way.length_squared();
+        let direction = way / square.sqrt();
+        let mut strength = normal.dot(direction).max(0.0) / square;
+        if light.range > 0.0 {
+            let window = 1.0 - (square / (light.range * light.range)).powi(2);
+            strength *= window.clamp(0.0, 1.0).powi(2);
+        }
+        if light.kind == LIGHT_SPOT {
+            let cone = -direction.dot(light.direction) * light.spot_scale + light.spot_offset;
+            strength *= cone.clamp(0.0, 1.0).powi(2);
+        }
+        let inside = light.position.cmpge(file.meta.bounds_min.into()).all()
+            && light.position.cmple(file.meta.bounds_max.into()).all();
+        let visible = if inside {
+            file.visible(texel, light.position.into())
+        } else {
+            file.seen_from_outside(texel.position, (-way).into())
+        };
+        if strength > 0.0 && visible {
+            sum += light.color * strength;
+        }
+    }
+    sum
+}
+
+/// Irradiance over pi at a point of the object, from all texels, of which each has a radiance.
+pub fn gather(file: &CssmFile, texels: &[Texel], radiance: &[Vec3], position: Vec3, normal: Vec3) -> Vec3 {
+    let mut sum = [0.0_f64; 3];
+    for (texel, radiance) in texels.iter().zip(radiance) {
+        let way = Vec3::from(texel.position) - position;
+        let square = way.length_squared();
+        let sender = -Vec3::from(texel.normal).dot(way);
+        let form_factor = if square < 16.0 * texel.area {
+            square_form_factor(way, texel, normal)
+        } else {
+            texel.area * normal.dot(way).max(0.0) * sender / (square * (PI * square + texel.area))
+        };
+        if sender > 0.0 && form_factor > 0.0 && file.visible(texel, position.into()) {
+            (0..3).for_each(|channel| sum[channel] += f64::from(radiance[channel] * form_factor));
+        }
+    }
+    Vec3::from(sum.map(|sum| sum as f32))
+}
+
+/// Of a square of the texel's area; Lambert 1760.
+fn square_form_factor(way: Vec3, texel: &Texel, receiver: Vec3) -> f32 {
+    let normal = Vec3::from(texel.normal);
+    let helper = if normal.z.abs() < 0.9 { Vec3::Z } else { Vec3::X };
+    let across = helper.cross(normal).normalize() * (0.5 * texel.area.sqrt());
+    let up = normal.cross(across);
+    let corners = [way - across - up, way + across - up, way + across + up, way - across + up].map(Vec3::normalize);
+    let edge = |a: Vec3, b: Vec3| a.cross(b).normalize_or_zero() * a.angle_between(b);
+    let sum: Vec3 = (0..4).map(|i| edge(corners[i], corners[(i + 1) % 4])).sum();
+    (-sum.dot(receiver) / (2.0 * PI)).max(0.0)
+}

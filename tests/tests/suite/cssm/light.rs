@@ -1,0 +1,198 @@
+//! Light of the texels and of their hierarchy, against sums over all texels.
+
+use bevy::math::{Affine3A, Vec3};
+use bevy_bounce::cssm::tree::Tree;
+use bevy_bounce::cssm::words::PAGE_BITS;
+use bevy_bounce_cssm::{CssmFile, Texel};
+use bevy_bounce_shaders::types::{CssmGather, CssmLevel, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Scene};
+use bevy_bounce_tests::baked::{cornell_box, resources, small_cornell_box};
+use bevy_bounce_tests::gpu::{Resources, gpu};
+use bevy_bounce_tests::scene::run;
+use bevy_bounce_tests::twins::cssm::{direct, gather, texels};
+
+/// A lamp in the room and one before it, a spot and a sun that shine in from the open side.
+fn lights(file: &CssmFile) -> Vec<Light> {
+    let (low, high) = (Vec3::from(file.meta.bounds_min), Vec3::from(file.meta.bounds_max));
+    let at = |x: f32, y: f32, z: f32| low + (high - low) * Vec3::new(x, y, z);
+    let direction = Vec3::new(0.2, -0.3, -1.0).normalize();
+    vec![
+        Light { kind: LIGHT_POINT, position: at(0.5, 0.9, 0.5), color: Vec3::new(3.0, 2.0, 1.0), ..Light::default() },
+        Light {
+            kind: LIGHT_POINT,
+            position: at(0.4, 0.6, 2.0),
+            range: 20.0,
+            color: Vec3::splat(5.0),
+            ..Light::default()
+        },
+        Light {
+            kind: LIGHT_SPOT,
+            position: at(0.5, 0.95, 0.6),
+            direction: Vec3::NEG_Y,
+            color: Vec3::new(0.0, 4.0, 9.0),
+            spot_scale: 3.0,
+            spot_offset: -2.0,
+            ..Light::default()
+        },
+        Light { kind: LIGHT_DIRECTIONAL, direction, color: Vec3::splat(0.7), ..Light::default() },
+    ]
+}
+
+/// A radiance for each texel, uneven.
+fn radiance(texels: &[Texel]) -> Vec<Vec3> {
+    let uneven = |texel: &Texel| {
+        let wave = (texel.position[0] * 7.0).sin() + (texel.position[1] * 5.0).cos();
+        Vec3::new(1.0, 0.5, 0.25) * (wave + 2.5)
+    };
+    texels.iter().map(uneven).collect()
+}
+
+fn values(values: &[Vec3]) -> Vec<f32> {
+    values.iter().flat_map(|value| [value.x, value.y, value.z, 0.0]).collect()
+}
+
+fn read(resources: &Resources, name: &str) -> Vec<Vec3> {
+    let floats = resources.read_floats(name).expect("reads back");
+    floats.as_chunks::<4>().0.iter().map(|[r, g, b, _]| Vec3::new(*r, *g, *b)).collect()
+}
+
+/// The bake with its hierarchy, whose texels send that radiance.
+fn with_light(file: &CssmFile, sent: &[Vec3], threshold: f32) -> Resources {
+    let tree = Tree::build(file);
+    let count = file.meta.texels as usize;
+    let mut resources = resources(gpu(), file, Affine3A::IDENTITY, PAGE_BITS)
+        .words("tree", tree.words.as_flattened())
+        .floats("sources", &values(sent))
+        .zeroed("gathered", 4 * count)
+        .zeroed("powers", 4 * tree.nodes() as usize)
+        .uniform("settings", &CssmGather { threshold, ..CssmGather::default() })
+        .uniform("level", &CssmLevel { level: 0 });
+    run(gpu(), "cssm/hierarchy.wgsl", "leaves", &resources, [count.div_ceil(64) as u32, 1, 1]);
+    for level in (0..tree.levels()).rev() {
+        resources = resources.uniform("level", &CssmLevel { level });
+        run(gpu(), "cssm/hierarchy.wgsl", "pull", &resources, [(1_u32 << level).div_ceil(64), 1, 1]);
+    }
+    resources
+}
+
+#[test]
+fn direct_light_is_that_of_every_light() {
+    let file = cornell_box();
+    let (texels, lights) = (texels(file), lights(file));
+    for (name, lights) in [("each", lights.clone()), ("none", Vec::new())] {
+        let scene = Scene { light_count: lights.len() as u32, ..Scene::default() };
+        let emitted = vec![Vec3::splat(0.125); texels.len()];
+        let resources = resources(gpu(), file, Affine3A::IDENTITY, PAGE_BITS)
+            .uniform("scene", &scene)
+            .structs("lights", &[&lights[..], &[Light::default()]].concat())
+            .uniform("settings", &CssmGather::default())
+            .floats("sources", &values(&emitted));
+        run(gpu(), "cssm/direct.wgsl", "direct", &resources, [texels.len().div_ceil(64) as u32, 1, 1]);
+        let mut lit = 0;
+        for (texel, found) in texels.iter().zip(read(&resources, "sources")) {
+            let irradiance = direct(file, texel, &lights);
+            let expected = 0.125 + Vec3::from(texel.diffuse) * irradiance / std::f32::consts::PI;
+            assert!(found.distance(expected) <= 1.0e-4 * expected.length(), "{name}: {found} {expected} {texel:?}");
+            lit += usize::from(irradiance != Vec3::ZERO);
+        }
+        assert!(lit == 0 && lights.is_empty() || lit > texels.len() / 4 && lit < texels.len());
+    }
+}
+
+/// Lights of all kinds shine as brightly on an object that was moved and turned together with them.
+#[test]
+fn direct_light_moves_along() {
+    let file = cornell_box();
+    let turn = Affine3A::from_rotation_translation(bevy::math::Quat::from_rotation_y(1.1), Vec3::new(3.0, -2.0, 9.0));
+    let count = file.meta.texels as usize;
+    let lit = |place: Affine3A| {
+        let lights: Vec<Light> = lights(file)
+            .into_iter()
+            .map(|light| Light {
+                position: place.transform_point3(light.position),
+                direction: place.transform_vector3(light.direction),
+                ..light
+            })
+            .collect();
+        let resources = resources(gpu(), file, place, PAGE_BITS)
+            .uniform("scene", &Scene { light_count: lights.len() as u32, ..Scene::default() })
+            .structs("lights", &lights)
+            .uniform("settings", &CssmGather { filtered: 1, ..CssmGather::default() })
+            .zeroed("sources", 4 * count);
+        run(gpu(), "cssm/direct.wgsl", "direct", &resources, [count.div_ceil(64) as u32, 1, 1]);
+        read(&resources, "sources")
+    };
+    let (still, moved) = (lit(Affine3A::IDENTITY), lit(turn));
+    // At edges of shadows rounding may decide otherwise.
+    let apart = |(a, b): &(&Vec3, &Vec3)| a.distance(**b) > 1.0e-3 * (1.0 + a.length());
+    let differ = still.iter().zip(&moved).filter(apart).count();
+    assert!(differ * 100 < count, "{differ} of {count} texels");
+    assert!(still.iter().any(|light| light.length() > 0.01));
+}
+
+#[test]
+fn nodes_hold_what_is_below_them() {
+    let file = cornell_box();
+    let (texels, tree) = (texels(file), Tree::build(file));
+    let sent = radiance(&texels);
+    let powers = with_light(file, &sent, 0.0).read_floats("powers").expect("reads back");
+    let powers: Vec<[f32; 4]> = powers.as_chunks().0.to_vec();
+    let (mut index, mut rank) = (0, 0);
+    // Leaf by leaf, and the sums of all that contain it.
+    let mut sums = vec![[0.0_f64; 4]; tree.nodes() as usize];
+    let mut open: Vec<(u32, u32)> = Vec::new();
+    let bounds = [Vec3::from(file.meta.bounds_min), Vec3::from(file.meta.bounds_max)];
+    while index < tree.nodes() {
+        let skip = tree.node(index, bounds).skip;
+        open.retain(|(_, end)| *end > index);
+        open.push((index, skip));
+        if skip == index + 1 {
+            let leaf = tree.leaf(rank) as usize;
+            let light = sent[leaf] * texels[leaf].area;
+            for (node, _) in &open {
+                let sum = &mut sums[*node as usize];
+                (0..3).for_each(|channel| sum[channel] += f64::from(light[channel]));
+                sum[3] += f64::from(texels[leaf].area);
+            }
+            rank += 1;
+        }
+        index += 1;
+    }
+    assert_eq!(rank, file.meta.texels);
+    for (node, (found, expected)) in powers.iter().zip(&sums).enumerate() {
+        let close = |(found, expected): (&f32, &f64)| (f64::from(*found) - expected).abs() <= 1.0e-5 * expected.abs();
+        assert!(found.iter().zip(expected).all(close), "node {node}: {found:?} {expected:?}");
+    }
+}
+
+#[test]
+fn without_a_threshold_every_texel_counts() {
+    let file = small_cornell_box();
+    let texels = texels(file);
+    let sent = radiance(&texels);
+    let groups = [texels.len().div_ceil(64) as u32, 1, 1];
+    let exact = with_light(file, &sent, 0.0);
+    run(gpu(), "cssm/bounce.wgsl", "bounce", &exact, groups);
+    let exact = exact.read_floats("gathered").expect("reads back");
+    let rough = with_light(file, &sent, 0.1);
+    run(gpu(), "cssm/bounce.wgsl", "bounce", &rough, groups);
+    let rough = rough.read_floats("gathered").expect("reads back");
+    let (mut sum, mut rough_sum, mut error, mut cut, mut rough_cut) = (0.0, 0.0, 0.0, 0.0, 0.0);
+    for (index, texel) in texels.iter().enumerate() {
+        let found = Vec3::from_slice(&exact[4 * index..]);
+        let near = Vec3::from_slice(&rough[4 * index..]);
+        // Every third against the sum over all texels.
+        if index % 3 == 0 {
+            let expected = gather(file, &texels, &sent, texel.position.into(), texel.normal.into());
+            assert!(found.distance(expected) <= 2.0e-4 * expected.length(), "{index}: {found} {expected}");
+        }
+        sum += found.x;
+        rough_sum += near.x;
+        error += (near.x - found.x).abs();
+        cut += exact[4 * index + 3];
+        rough_cut += rough[4 * index + 3];
+    }
+    let count = texels.len() as f32;
+    println!("mean {}, mean error {}, cut {} and {}", sum / count, error / count, cut / count, rough_cut / count);
+    assert!((rough_sum / sum - 1.0).abs() < 0.02, "energy {}", rough_sum / sum);
+    assert!(error < 0.1 * sum && rough_cut < 0.8 * cut);
+}

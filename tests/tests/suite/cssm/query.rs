@@ -1,0 +1,146 @@
+//! The query of baked visibility: the GPU's answer is the CPU's.
+
+use bevy::math::Affine3A;
+use bevy_bounce::cssm::words::{PAGE_BITS, PAGES, check_size};
+use bevy_bounce_cssm::{CssmFile, Filter};
+use bevy_bounce_tests::baked::{cornell_box, resources, smallest_page_bits};
+use bevy_bounce_tests::compose::compose_source;
+use bevy_bounce_tests::gpu::{Resources, gpu};
+
+const PAIRS: usize = 1_000_000;
+/// Threads of a dispatch.
+const BATCH: usize = 1 << 18;
+
+const QUERY: &str = "
+#import bevy_bounce::cssm::maps::reads
+#import bevy_bounce::cssm::query::{is_visible, filtered_visibility, is_seen_from_outside}
+#import bevy_bounce::cssm::texels::{load_texel}
+
+// Texel, then the point.
+@group(2) @binding(0) var<storage, read> pairs: array<vec4<u32>>;
+@group(2) @binding(1) var<storage, read_write> answers: array<vec4<u32>>;
+
+@compute @workgroup_size(64)
+fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= arrayLength(&pairs) {
+        return;
+    }
+    let pair = pairs[id.x];
+    let texel = load_texel(pair.x);
+    let point = bitcast<vec3<f32>>(pair.yzw);
+    reads = 0u;
+    let seen = is_visible(texel, point);
+    // The slot in the texel's record counts, too.
+    let count = reads + 1u;
+    let filtered = filtered_visibility(texel, point);
+    let outside = is_seen_from_outside(texel.position, texel.position - point);
+    answers[id.x] = vec4<u32>(u32(seen), bitcast<u32>(filtered), u32(outside), count);
+}
+";
+
+struct Answer {
+    visible: bool,
+    filtered: f32,
+    outside: bool,
+    reads: u32,
+}
+
+/// Texels and points: half of them other texels, half anywhere in the object's box.
+fn random_pairs(file: &CssmFile, count: usize) -> Vec<(usize, [f32; 3])> {
+    let mut rng = fastrand::Rng::with_seed(11);
+    let texels = file.meta.texels as usize;
+    let pair = |i: usize| {
+        let point = if i.is_multiple_of(2) {
+            file.texel(rng.usize(0..texels)).expect("there are so many").position
+        } else {
+            std::array::from_fn(|axis| {
+                let (min, max) = (file.meta.bounds_min[axis], file.meta.bounds_max[axis]);
+                min + (max - min) * rng.f32()
+            })
+        };
+        (rng.usize(0..texels), point)
+    };
+    (0..count).map(pair).collect()
+}
+
+fn ask(baked: Resources, pairs: &[(usize, [f32; 3])]) -> Vec<Answer> {
+    let gpu = gpu();
+    let kernel = gpu
+        .cached("cssm query", || gpu.kernel(&compose_source(QUERY, "query.wgsl", &["COUNT_READS".into()])?, "ask"))
+        .unwrap_or_else(|error| panic!("{error}"));
+    let mut baked = baked;
+    let mut answers = Vec::with_capacity(pairs.len());
+    for batch in pairs.chunks(BATCH) {
+        let words: Vec<u32> = batch
+            .iter()
+            .flat_map(|(texel, [x, y, z])| [*texel as u32, x.to_bits(), y.to_bits(), z.to_bits()])
+            .collect();
+        baked = baked.words("pairs", &words).zeroed("answers", 4 * batch.len());
+        gpu.dispatch(&kernel, &baked, [batch.len().div_ceil(64) as u32, 1, 1]).expect("runs");
+        let words = baked.read_words("answers").expect("reads back");
+        answers.extend(words.as_chunks().0.iter().map(|[visible, filtered, outside, reads]| Answer {
+            visible: *visible == 1,
+            filtered: f32::from_bits(*filtered),
+            outside: *outside == 1,
+            reads: *reads,
+        }));
+    }
+    answers
+}
+
+/// Answers that may differ: none on a software adapter, which rounds as the CPU does, and one in ten thousand elsewhere.
+fn tolerated(answers: usize) -> usize {
+    if gpu().adapter.contains("llvmpipe") { 0 } else { answers / 10_000 }
+}
+
+#[test]
+fn a_million_answers_are_the_cpus() {
+    let file = cornell_box();
+    let pairs = random_pairs(file, PAIRS);
+    // Of several pages, so that the way to each is taken.
+    let bits = smallest_page_bits(file);
+    assert!(file.maps.blocks.len() + file.csm.blocks.len() > 1 << bits, "several pages");
+    let answers = ask(resources(gpu(), file, Affine3A::IDENTITY, bits), &pairs);
+    let (mut wrong, mut wrong_outside, mut wrong_filtered, mut seen, mut seen_outside) = (0, 0, 0, 0, 0);
+    for ((index, point), answer) in pairs.iter().zip(&answers) {
+        let texel = file.texel(*index).expect("there are so many");
+        let visible = file.visible(&texel, *point);
+        let towards = std::array::from_fn(|axis| texel.position[axis] - point[axis]);
+        let outside = file.seen_from_outside(texel.position, towards);
+        let filtered = file.visibility(&texel, [0.0; 2], *point, Filter::Pixels);
+        wrong += usize::from(visible != answer.visible);
+        wrong_outside += usize::from(outside != answer.outside);
+        wrong_filtered += usize::from((filtered - answer.filtered).abs() > 1.0e-5);
+        seen += usize::from(visible);
+        seen_outside += usize::from(outside);
+    }
+    let reads: f64 = answers.iter().map(|answer| f64::from(answer.reads)).sum::<f64>() / answers.len() as f64;
+    println!(
+        "{}: of {PAIRS}, {wrong} differ, {wrong_filtered} filtered, {wrong_outside} from outside; {seen} visible, \
+         {seen_outside} from outside; {reads:.2} reads a query",
+        gpu().adapter
+    );
+    let all = tolerated(PAIRS);
+    // Maps from outside are looked up by directions that are rounded on the way: at the edges of their cells the next one may answer.
+    assert!(wrong <= all && wrong_filtered <= all && wrong_outside <= PAIRS / 1000);
+    assert!([seen, seen_outside].iter().all(|&count| count > PAIRS / 20 && count < PAIRS - PAIRS / 20));
+    assert!(reads <= 10.0, "{reads} reads a query");
+}
+
+#[test]
+fn pages_do_not_change_answers() {
+    let file = cornell_box();
+    let pairs = random_pairs(file, 20_000);
+    let whole = ask(resources(gpu(), file, Affine3A::IDENTITY, PAGE_BITS), &pairs);
+    let paged = ask(resources(gpu(), file, Affine3A::IDENTITY, smallest_page_bits(file)), &pairs);
+    assert!(whole.iter().zip(&paged).all(|(a, b)| a.visible == b.visible && a.outside == b.outside));
+}
+
+#[test]
+fn what_does_not_fit_is_named() {
+    let file = cornell_box();
+    assert_eq!(check_size(file, PAGE_BITS), Ok(()));
+    let bits = smallest_page_bits(file) - 1;
+    let too_large = check_size(file, bits).map_err(|error| (error.section, error.limit));
+    assert!(matches!(too_large, Err((_, limit)) if limit == 1 << bits || limit == PAGES << bits));
+}
