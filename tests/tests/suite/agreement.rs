@@ -13,7 +13,7 @@ use bevy_bounce_tests::twins::random::Random;
 
 use crate::sort::radix_sort;
 
-const LIGHTS: u32 = 1024;
+const LIGHTS: u32 = 256;
 const PATHS: u32 = 8 * LIGHTS;
 const BOUNCES: u32 = 12;
 const TILE: u32 = 32;

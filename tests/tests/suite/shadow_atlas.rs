@@ -127,8 +127,13 @@ fn every_texel_holds_the_distance_of_a_ray() {
     let far = (high - low).length();
     let mut wrong = 0;
     for (light, vpl) in vpls.iter().enumerate() {
-        let off = (vpl.position - lights[light].0).length();
-        assert!(off < 1e-4, "light {light} is {off} off its surface");
+        let off = vpl.position - lights[light].0;
+        let (above, aside) = (off.dot(lights[light].1).abs(), off.length());
+        // The direction it came from is known to half a degree.
+        assert!(
+            above < 1e-4 && aside < 0.01 * VOXEL,
+            "light {light} is {above} above its surface, {aside} off its place"
+        );
         let [x, y, z] = tile_frame(vpl.normal);
         for texel in 0..TILE * TILE {
             let place = (Vec2::new((texel % TILE) as f32, (texel / TILE) as f32) + 0.5) / TILE as f32;

@@ -117,7 +117,7 @@ fn box_bake(albedo: f32, atlas: u32) -> CssmFile {
     let indices = (0..12).map(|triangle| [3 * triangle, 3 * triangle + 1, 3 * triangle + 2]).collect();
     let positions = corners.as_flattened().iter().map(|p| p.to_array().into()).collect();
     let mut scene = bake::Scene::from_mesh("box", positions, indices).unwrap_or_else(|error| panic!("{error}"));
-    scene.materials[0].factor = [albedo; 3].into();
+    scene.materials[0].factor = Vec3::splat(albedo).extend(1.0);
     let settings = bake::BakeSettings { atlas, depth: 32, ..Default::default() };
     bake::bake(&scene, &settings, &()).unwrap_or_else(|error| panic!("{error}")).0
 }
