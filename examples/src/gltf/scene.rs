@@ -109,7 +109,7 @@ fn spawn(
     mut failed: ResMut<Failed>,
     assets: Res<AssetServer>,
     gltfs: Res<Assets<Gltf>>,
-    mut bakes: ResMut<Assets<CssmAsset>>,
+    bakes: Option<ResMut<Assets<CssmAsset>>>,
 ) {
     if loading.root.is_some() {
         return;
@@ -126,7 +126,8 @@ fn spawn(
             if let Some(scene) = scene {
                 let root = commands.spawn(WorldAssetRoot(scene.clone())).id();
                 loading.root = Some(root);
-                if let Some(file) = loading.bake.take() {
+                // Plain Bevy knows nothing of baked files.
+                if let (Some(file), Some(mut bakes)) = (loading.bake.take(), bakes) {
                     commands.entity(root).insert(CssmObject { bake: bakes.add(CssmAsset { file }) });
                 }
             }
