@@ -2,7 +2,7 @@
 
 use bevy::math::{Affine3A, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
-    CHUNK_TRIANGLES, Cell, Chunk, Emitter, Grid, Instance, Light, Material, NONE, Scene, VERTEX_WORDS,
+    CHUNK_TRIANGLES, Cell, Chunk, Emitter, Grid, Instance, Light, Material, NONE, OccluderChunk, Scene, VERTEX_WORDS,
 };
 use half::f16;
 
@@ -127,6 +127,20 @@ impl TestScene {
             .structs("lights", &at_least_one(lights))
             .structs("emitters", &emitters)
             .uniform("scene", &scene)
+    }
+
+    /// Chunks of all triangles as they cast shadows, and the number of triangles.
+    pub fn occluder_chunks(&self) -> (Vec<OccluderChunk>, u32) {
+        let mut first_occluder = 0;
+        let mut chunks = Vec::new();
+        for Chunk { instance, first_triangle } in self.chunks(|_| true) {
+            let data = &self.instances[instance as usize];
+            let triangle_count = (data.triangle_count - first_triangle).min(CHUNK_TRIANGLES);
+            let first_index = data.index_offset + 3 * first_triangle;
+            chunks.push(OccluderChunk { instance, first_index, first_occluder, triangle_count });
+            first_occluder += triangle_count;
+        }
+        (chunks, first_occluder)
     }
 
     /// Chunks of the instances that pass, and their number.

@@ -12,7 +12,7 @@
 #import bevy_bounce::shared::grid::Grid
 #import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, MAX_WORKGROUPS, tile_frame, to_tile, from_tile, tile_words, pack_texel}
 #import bevy_bounce::shadow_atlas::types::{Occluder, OCCLUDER_TWO_SIDED}
-#import bevy_bounce::vpl::types::{Vpl, VplHeader, incoming_direction, incoming_reach}
+#import bevy_bounce::vpl::types::{Vpl, VplHeader, incoming_direction, incoming_reach, SETTLE_RANGE}
 
 @group(0) @binding(0) var<uniform> parameters: AtlasParameters;
 @group(0) @binding(1) var<uniform> grid: Grid;
@@ -26,8 +26,6 @@ const GROUP: u32 = 64u;
 const MAX_TILE_TEXELS: u32 = 2304u;
 /// Texels in the box of a triangle that one thread fills.
 const INLINE_TEXELS: u32 = 8u;
-/// Voxels behind the plane of the grid within which the surface of a light is looked for.
-const SETTLE_RANGE: f32 = 1.5;
 /// Cosine to the light's normal of a surface that it may be on.
 const SAME_FACING: f32 = 0.5;
 /// Voxels between the light and the plane of its own surface.

@@ -14,7 +14,7 @@
     sample_square, cosine_direction, cone_direction, disk_point, triangle_point, any_tangent, PI,
 }
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, CHUNK_TRIANGLES}
-#import bevy_bounce::vpl::types::{Vpl, Path, Emitter, VplParameters, vertex_slot, pack_incoming}
+#import bevy_bounce::vpl::types::{Vpl, Path, Emitter, VplParameters, vertex_slot, pack_incoming, SETTLE_RANGE}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> scene: Scene;
@@ -34,8 +34,6 @@ const DIMENSION_BOUNCE: u32 = 8u;
 
 // Voxels: a path starts on a plane of the grid, and in a corner another one is near.
 const PATH_GAP: f32 = 0.02;
-// Voxels before the plane of the grid within which the surface may be that the light met in truth.
-const SETTLE_RANGE: f32 = 1.5;
 
 // Light on its way.
 struct Photon {

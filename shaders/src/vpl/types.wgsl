@@ -14,6 +14,9 @@ struct Vpl {
     incoming: u32,
 }
 
+/// Voxels before and behind the plane of the grid within which the surface may be that a light met in truth.
+const SETTLE_RANGE: f32 = 1.5;
+
 /// Direction of the light that is reflected, and how far it had come without meeting anything, voxels.
 fn pack_incoming(direction: vec3<f32>, reach: f32) -> u32 {
     return (pack2x16float(vec2<f32>(reach, 0.0)) << 16u) | encode_unit_8(direction);

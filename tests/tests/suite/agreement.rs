@@ -1,9 +1,7 @@
 //! What virtual lights see of the pixels of whole scenes, against exact rays.
 
 use bevy::math::Vec3;
-use bevy_bounce_shaders::types::{
-    AtlasParameters, CHUNK_TRIANGLES, Grid, HILBERT_BITS, Occluder, OccluderChunk, Path, Vpl, VplHeader, VplParameters,
-};
+use bevy_bounce_shaders::types::{AtlasParameters, Grid, HILBERT_BITS, Occluder, Path, Vpl, VplHeader, VplParameters};
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::glb::{self, GlbScene};
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -68,35 +66,21 @@ fn light_up(scene: &TestScene, grid: &Grid) -> Resources {
 
 /// Draws the maps, from all triangles. Sets the lights on their surfaces.
 fn draw(scene: &TestScene, resources: Resources) -> Resources {
-    let mut chunks = Vec::new();
-    let mut first_occluder = 0;
-    for (instance, data) in (0..).zip(&scene.instances) {
-        for first in (0..data.triangle_count).step_by(CHUNK_TRIANGLES as usize) {
-            let triangle_count = (data.triangle_count - first).min(CHUNK_TRIANGLES);
-            let first_index = data.index_offset + 3 * first;
-            chunks.push(OccluderChunk { instance, first_index, first_occluder, triangle_count });
-            first_occluder += triangle_count;
-        }
-    }
+    let (chunks, occluder_count) = scene.occluder_chunks();
     let (low, high) = scene.bounds();
-    let parameters = AtlasParameters {
-        tile: TILE,
-        occluder_count: first_occluder,
-        far: (high - low).length(),
-        point_area: 0.0,
-        error: 0.0,
-    };
+    let parameters =
+        AtlasParameters { tile: TILE, occluder_count, far: (high - low).length(), point_area: 0.0, error: 0.0 };
     let resources = resources
         .uniform("parameters", &parameters)
         .structs("occluder_chunks", &chunks)
-        .structs("occluders", &vec![Occluder::default(); first_occluder as usize])
+        .structs("occluders", &vec![Occluder::default(); occluder_count as usize])
         .zeroed("atlas", (LIGHTS * TILE * TILE) as usize);
     run(gpu(), "shadow_atlas/occluders.wgsl", "place_occluders", &resources, [chunks.len() as u32, 1, 1]);
     run(gpu(), "shadow_atlas/rasterize.wgsl", "rasterize", &resources, [LIGHTS, 1, 1]);
     resources
 }
 
-/// The triangles by boxes of `LEAF` each, sorted along a curve: what exact rays look through.
+/// The triangles, halved until there are `LEAF` each, and the box of each: what exact rays look through.
 struct Rays {
     triangles: Vec<[Vec3; 3]>,
     boxes: Vec<(Vec3, Vec3)>,
@@ -203,10 +187,9 @@ fn ask(resources: Resources, function: &str, pairs: &[Pair]) -> Vec<bool> {
     );
     let packed: Vec<f32> = pairs
         .iter()
-        .flat_map(|p| [p.position.to_array(), [p.light as f32, p.normal.x, p.normal.y], [p.normal.z, 0.0, 0.0]])
-        .flatten()
+        .flat_map(|p| [p.position.extend(p.light as f32), p.normal.extend(0.0)])
+        .flat_map(|words| words.to_array())
         .collect();
-    let packed: Vec<f32> = packed.chunks(9).flat_map(|p| p[..7].iter().copied().chain([0.0])).collect();
     let resources = resources.floats("points", &packed).zeroed("seen", pairs.len());
     let kernel = gpu().kernel(&compose_source(&source, "look.wgsl", &[]).expect("composes"), "look");
     let groups = [pairs.len().div_ceil(64) as u32, 1, 1];

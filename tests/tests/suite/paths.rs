@@ -331,6 +331,27 @@ fn the_list_is_whole_and_even() {
 }
 
 #[test]
+fn bricks_know_their_lights_and_surfaces() {
+    let mut scene = room(Vec3::splat(0.7));
+    scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::splat(3.0)));
+    let (traced, header, _) = Traced::new(&scene, 0.1, 12).list();
+    let bricks = traced.brick_counts.len();
+    let resources = traced.resources.zeroed("densities", 2 * bricks);
+    run(gpu(), "vpl/density.wgsl", "measure_density", &resources, [bricks as u32, 1, 1]);
+    let words = resources.read_words("densities").expect("reads back");
+    let densities: Vec<[f32; 2]> = words.as_chunks().0.iter().map(|pair| pair.map(f32::from_bits)).collect();
+    let sum = |of: usize| densities.iter().map(|pair| f64::from(pair[of])).sum::<f64>();
+    let area: f32 = scene.triangles.iter().map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum();
+    let (lights, surfaces) = (sum(0) / f64::from(header.count), sum(1) / f64::from(area));
+    assert!((lights - 1.0).abs() < 0.01, "bricks have {lights} of the lights");
+    assert!((surfaces - 1.0).abs() < 0.01, "bricks have {surfaces} of the surfaces");
+    for (count, [lights, area]) in traced.brick_counts.iter().zip(&densities) {
+        assert_eq!(*count > 0, *lights > 0.0);
+        assert!(*lights == 0.0 || *area > 0.0, "{count} vertices, {area} square metres");
+    }
+}
+
+#[test]
 fn few_vertices_are_all_in_the_list() {
     let mut scene = room(Vec3::splat(0.05));
     scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::splat(3.0)));

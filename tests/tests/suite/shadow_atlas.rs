@@ -1,9 +1,7 @@
 //! What virtual lights see, against exact rays.
 
 use bevy::math::{Affine3A, EulerRot, Quat, Vec2, Vec3};
-use bevy_bounce_shaders::types::{
-    AtlasParameters, CHUNK_TRIANGLES, Grid, Occluder, OccluderChunk, TILE_EMPTY, Vpl, VplHeader,
-};
+use bevy_bounce_shaders::types::{AtlasParameters, Grid, Occluder, TILE_EMPTY, Vpl, VplHeader};
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::scene::{TestScene, cuboid, run};
@@ -45,24 +43,10 @@ fn surface_points(scene: &TestScene, random: &mut Random, count: usize) -> Vec<(
 
 /// Lights of the normals given, a little off their surfaces, and their maps.
 fn draw(scene: &TestScene, lights: &[(Vec3, Vec3)], random: &mut Random) -> Resources {
-    let mut chunks = Vec::new();
-    let mut first_occluder = 0;
-    for (instance, data) in (0..).zip(&scene.instances) {
-        for first in (0..data.triangle_count).step_by(CHUNK_TRIANGLES as usize) {
-            let triangle_count = (data.triangle_count - first).min(CHUNK_TRIANGLES);
-            let first_index = data.index_offset + 3 * first;
-            chunks.push(OccluderChunk { instance, first_index, first_occluder, triangle_count });
-            first_occluder += triangle_count;
-        }
-    }
+    let (chunks, occluder_count) = scene.occluder_chunks();
     let (low, high) = scene.bounds();
-    let parameters = AtlasParameters {
-        tile: TILE,
-        occluder_count: first_occluder,
-        far: (high - low).length(),
-        point_area: 0.0,
-        error: 0.0,
-    };
+    let parameters =
+        AtlasParameters { tile: TILE, occluder_count, far: (high - low).length(), point_area: 0.0, error: 0.0 };
     let vpls: Vec<Vpl> = lights
         .iter()
         .map(|&(position, normal)| Vpl {
@@ -78,7 +62,7 @@ fn draw(scene: &TestScene, lights: &[(Vec3, Vec3)], random: &mut Random) -> Reso
         .uniform("parameters", &parameters)
         .uniform("grid", &Grid { voxel_size: VOXEL, ..scene.grid(VOXEL) })
         .structs("occluder_chunks", &chunks)
-        .structs("occluders", &vec![Occluder::default(); first_occluder as usize])
+        .structs("occluders", &vec![Occluder::default(); occluder_count as usize])
         .structs("header", &[header])
         .structs("vpls", &vpls)
         .zeroed("atlas", vpls.len() * (TILE * TILE) as usize);

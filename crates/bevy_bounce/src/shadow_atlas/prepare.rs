@@ -10,7 +10,7 @@ use crate::avg::VoxelGrid;
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 
-/// Voxels by which the meshes that cast may be off their surfaces. Beyond that rays through the grid see better.
+/// Voxels by which the meshes that cast may be off their surfaces. Beyond that lights see by rays through the grid.
 const LARGEST_ERROR: f32 = 1.0;
 
 /// The shadow maps of all virtual lights; there while a camera asks for them and what casts is fine enough.
