@@ -228,8 +228,8 @@ pub struct Cell {
 pub struct Vpl {
     /// World position.
     pub position: Vec3,
-    /// Bounces behind it: 0 on an emissive surface.
-    pub bounce: u32,
+    /// Bounces behind it, 0 on an emissive surface; the highest bit is set where its light met a surface.
+    pub bounce_met: u32,
     /// Unit normal.
     pub normal: Vec3,
     /// Index of its path.
@@ -239,6 +239,21 @@ pub struct Vpl {
     /// Direction of the light that it reflects, octahedral, 2 snorm8; in the upper half, voxels which that had come freely, f16.
     pub incoming: u32,
 }
+
+impl Vpl {
+    /// Bounces behind it: 0 on an emissive surface.
+    pub const fn bounce(&self) -> u32 {
+        self.bounce_met & !(1 << 31)
+    }
+
+    /// Whether its light met a surface.
+    pub const fn met(&self) -> bool {
+        self.bounce_met >> 31 == 1
+    }
+}
+
+/// Words known of a brick of the grid: vertices of paths; lights times 2^15.
+pub const BRICK_WORDS: u32 = 2;
 
 /// A path that was traced.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
@@ -316,8 +331,6 @@ pub struct VplHeader {
     pub geometry_bound: f32,
     /// Lights in the list.
     pub count: u32,
-    /// Lights that a vertex of weight 1 would make.
-    pub lights_per_weight: f32,
 }
 
 /// [`Occluder::flags`]: casts from both sides.

@@ -4,13 +4,13 @@
 
 #import bevy_bounce::shared::grid::{BRICK, brick_dims, brick_index, voxel_index, voxel_facings, cell_area, CELL_MASK}
 #import bevy_bounce::shared::rays::{grid, voxels, cells}
-#import bevy_bounce::vpl::types::{VplHeader, VplParameters, brick_lights}
+#import bevy_bounce::vpl::types::{VplParameters, BRICK_WORDS, BRICK_LIGHTS, LIGHT_SHIFT}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
-@group(0) @binding(1) var<storage, read> header: VplHeader;
-@group(0) @binding(2) var<storage, read> brick_counts: array<u32>;
+// What is known of each brick of the grid, `BRICK_WORDS` each.
+@group(0) @binding(1) var<storage, read> bricks: array<u32>;
 // By brick: lights times the scale of the bound, area of the surfaces in square world units.
-@group(0) @binding(3) var<storage, read_write> densities: array<vec2<f32>>;
+@group(0) @binding(2) var<storage, read_write> densities: array<vec2<f32>>;
 
 const GROUP: u32 = 64u;
 
@@ -48,7 +48,7 @@ fn measure_density(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
     }
     if lane == 0u {
         let index = brick_index(grid, brick);
-        let lights = brick_lights(header, brick_counts[index]) * parameters.bound_scale;
-        densities[index] = vec2<f32>(lights, areas[0] * grid.voxel_size * grid.voxel_size);
+        let lights = f32(bricks[index * BRICK_WORDS + BRICK_LIGHTS]) / f32(1u << LIGHT_SHIFT);
+        densities[index] = vec2<f32>(lights * parameters.bound_scale, areas[0] * grid.voxel_size * grid.voxel_size);
     }
 }

@@ -4,15 +4,19 @@
 // into as many runs as there is room for; a run becomes one light, with all its flux, at one of its vertices, chosen in
 // proportion to flux. What a light carries is thus an average over many paths. A vertex counts towards the length of its run
 // by the inverse cube root of how many there are around (in the same brick of the grid): where light is rare, it comes from
-// more and weaker lights than its share of the flux would give it.
+// more and weaker lights than its share of the flux would give it. One whose light goes on into the open counts a fifth: a
+// roof in the sun does not take the lights from the rooms below it.
 //
 // Light k of the order belongs to subset k mod 16: each of the sixteen subsets has lights from everywhere.
 //
-// Cost: one workgroup adds up the weights, three loads a vertex; then a thread a light, three loads a vertex.
+// Cost: one workgroup adds up the weights, four loads and an atomic addition a vertex; then a thread a light, three loads a vertex.
 
 #import bevy_bounce::shared::grid::{Grid, brick_at, COUNTER_AREA}
 #import bevy_bounce::shared::sampling::sample_square
-#import bevy_bounce::vpl::types::{Vpl, VplParameters, VplHeader, SUBSETS, luminance, vertex_weight}
+#import bevy_bounce::vpl::types::{
+    Vpl, VplParameters, VplHeader, SUBSETS, MET, BRICK_WORDS, BRICK_VERTICES, BRICK_LIGHTS, LIGHT_SHIFT,
+    luminance,
+}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> grid: Grid;
@@ -20,16 +24,17 @@
 @group(0) @binding(3) var<storage, read> vertex_count: array<u32>;
 // Key, slot of the vertex, sorted by key.
 @group(0) @binding(4) var<storage, read> pairs: array<vec2<u32>>;
-@group(0) @binding(5) var<storage, read> brick_counts: array<u32>;
+// What is known of each brick of the grid, `BRICK_WORDS` each.
+@group(0) @binding(5) var<storage, read_write> bricks: array<atomic<u32>>;
 @group(0) @binding(6) var<storage, read> counters: array<u32>;
-// Weights of the vertices before each one, lights in fixed point.
+// Weight of each vertex; then the weights of those before it, lights in fixed point.
 @group(0) @binding(7) var<storage, read_write> starts: array<u32>;
 @group(0) @binding(8) var<storage, read_write> header: VplHeader;
 @group(0) @binding(9) var<storage, read_write> vpls: array<Vpl>;
 
 const GROUP: u32 = 256u;
-/// Fixed point: the weight of one light. 65,536 lights fit into a word.
-const ONE_SHIFT: u32 = 15u;
+/// What a vertex counts whose light meets nothing.
+const OPEN_WEIGHT: f32 = 0.2;
 /// Dimension of the sequence, beyond those of the paths.
 const DIMENSION_VERTEX: u32 = 128u;
 
@@ -61,9 +66,15 @@ fn exclusive_sum(value: u32, lane: u32) -> u32 {
     return scratch[lane] - value;
 }
 
-fn weight_of(index: u32) -> f32 {
-    let position = vertices[pairs[index].y].position;
-    return vertex_weight(brick_counts[brick_at(grid, (position - grid.origin) / grid.voxel_size)]);
+// First word of what is known of the brick that a vertex is in.
+fn brick_of(vertex: Vpl) -> u32 {
+    return brick_at(grid, (vertex.position - grid.origin) / grid.voxel_size) * BRICK_WORDS;
+}
+
+fn weight_of(vertex: Vpl) -> f32 {
+    let around = f32(atomicLoad(&bricks[brick_of(vertex) + BRICK_VERTICES]));
+    let onward = select(OPEN_WEIGHT, 1.0, (vertex.bounce_met & MET) != 0u);
+    return onward * pow(max(around, 1.0), -1.0 / 3.0);
 }
 
 // See `bound.wgsl`; here for the lights and the area of the whole scene.
@@ -72,14 +83,13 @@ fn mean_bound(count: u32) -> f32 {
     return parameters.bound_scale * f32(count) / max(area, 1e-12);
 }
 
-fn write_header(count: u32, lights_per_weight: f32) {
+fn write_header(count: u32) {
     for (var subset = 0u; subset <= SUBSETS; subset++) {
         header.subset_start[subset] = subset * (count / SUBSETS) + min(subset, count % SUBSETS);
     }
     header.count = count;
     header.path_count = parameters.path_count;
     header.geometry_bound = mean_bound(count);
-    header.lights_per_weight = lights_per_weight;
 }
 
 @compute @workgroup_size(256)
@@ -90,24 +100,27 @@ fn scan_weights(@builtin(local_invocation_index) lane: u32) {
     let end = min(first + chunk, count);
     var weight = 0.0;
     for (var i = first; i < end; i++) {
-        weight += weight_of(i);
+        let own = weight_of(vertices[pairs[i].y]);
+        starts[i] = bitcast<u32>(own);
+        weight += own;
     }
     // One place is left for what rounding adds.
-    let scale = f32((parameters.capacity - 1u) << ONE_SHIFT) / max(total(weight, lane), 1e-30);
-    let one = f32(1u << ONE_SHIFT);
+    let scale = f32((parameters.capacity - 1u) << LIGHT_SHIFT) / max(total(weight, lane), 1e-30);
     var sum = 0u;
     for (var i = first; i < end; i++) {
+        let own = u32(min(bitcast<f32>(starts[i]) * scale, f32(1u << LIGHT_SHIFT)));
+        atomicAdd(&bricks[brick_of(vertices[pairs[i].y]) + BRICK_LIGHTS], own);
         starts[i] = sum;
-        sum += u32(min(weight_of(i) * scale, one));
+        sum += own;
     }
     let before = exclusive_sum(sum, lane);
     for (var i = first; i < end; i++) {
         starts[i] += before;
     }
     if lane == 0u && count == 0u {
-        write_header(0u, 0.0);
+        write_header(0u);
     } else if end == count && first < end {
-        write_header(min((starts[count - 1u] >> ONE_SHIFT) + 1u, parameters.capacity), scale / one);
+        write_header(min((starts[count - 1u] >> LIGHT_SHIFT) + 1u, parameters.capacity));
     }
 }
 
@@ -117,7 +130,7 @@ fn first_vertex(light: u32) -> u32 {
     var high = vertex_count[0];
     while low < high {
         let middle = (low + high) / 2u;
-        if (starts[middle] >> ONE_SHIFT) < light {
+        if (starts[middle] >> LIGHT_SHIFT) < light {
             low = middle + 1u;
         } else {
             high = middle;

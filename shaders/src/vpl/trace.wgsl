@@ -14,7 +14,9 @@
     sample_square, cosine_direction, cone_direction, disk_point, triangle_point, any_tangent, PI,
 }
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, CHUNK_TRIANGLES}
-#import bevy_bounce::vpl::types::{Vpl, Path, Emitter, VplParameters, vertex_slot, pack_incoming, SETTLE_RANGE}
+#import bevy_bounce::vpl::types::{
+    Vpl, Path, Emitter, VplParameters, MET, BRICK_WORDS, BRICK_VERTICES, SETTLE_RANGE, vertex_slot, pack_incoming,
+}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> scene: Scene;
@@ -23,8 +25,8 @@
 // Path by path, `max_bounces` + 1 slots each.
 @group(0) @binding(4) var<storage, read_write> vertices: array<Vpl>;
 @group(0) @binding(5) var<storage, read_write> paths: array<Path>;
-// Vertices in each brick of the grid.
-@group(0) @binding(6) var<storage, read_write> brick_counts: array<atomic<u32>>;
+// What is known of each brick of the grid, `BRICK_WORDS` each.
+@group(0) @binding(6) var<storage, read_write> bricks: array<atomic<u32>>;
 
 // Dimensions of the sequence.
 const DIMENSION_LIGHT: u32 = 0u;
@@ -170,10 +172,10 @@ fn range_window(inverse_square_range: f32, distance: f32) -> f32 {
     return window * window;
 }
 
-fn store(path: u32, index: u32, bounce: u32, photon: Photon, incoming: u32) {
-    atomicAdd(&brick_counts[brick_at(grid, to_grid(photon.position))], 1u);
+fn store(path: u32, index: u32, bounce_met: u32, photon: Photon, incoming: u32) {
+    atomicAdd(&bricks[brick_at(grid, to_grid(photon.position)) * BRICK_WORDS + BRICK_VERTICES], 1u);
     vertices[vertex_slot(parameters, path, index)] =
-        Vpl(photon.position, bounce, photon.normal, path, photon.flux, incoming);
+        Vpl(photon.position, bounce_met, photon.normal, path, photon.flux, incoming);
 }
 
 fn follow(path: u32, start: Photon) -> u32 {
@@ -196,6 +198,9 @@ fn follow(path: u32, start: Photon) -> u32 {
         if !hit.found {
             break;
         }
+        if count > 0u {
+            vertices[vertex_slot(parameters, path, count - 1u)].bounce_met = (bounce - 1u) | MET;
+        }
         let cell = cells[hit.cell];
         let albedo = unpack4x8unorm(cell.albedo).rgb;
         let survival = max(albedo.r, max(albedo.g, albedo.b));
@@ -209,7 +214,9 @@ fn follow(path: u32, start: Photon) -> u32 {
         photon.flux *= albedo / survival;
         photon.position = to_world(ray.origin + ray.direction * hit.t);
         photon.normal = decode_unit(cell.normal);
-        store(path, count, bounce, photon, pack_incoming(photon.direction, min(hit.t, SETTLE_RANGE)));
+        // Where the last one's light goes is not looked at.
+        let onward = select(0u, MET, bounce == bounces);
+        store(path, count, bounce | onward, photon, pack_incoming(photon.direction, min(hit.t, SETTLE_RANGE)));
         count++;
         photon.direction = cosine_direction(photon.normal, sample_square(path, DIMENSION_BOUNCE + 2u * bounce + 1u));
     }

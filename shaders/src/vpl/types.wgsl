@@ -6,7 +6,8 @@
 
 struct Vpl {
     position: vec3<f32>,
-    bounce: u32,
+    // Bounces behind it; `MET` where its light met a surface.
+    bounce_met: u32,
     normal: vec3<f32>,
     path: u32,
     flux: vec3<f32>,
@@ -29,6 +30,17 @@ fn incoming_direction(word: u32) -> vec3<f32> {
 fn incoming_reach(word: u32) -> f32 {
     return unpack2x16float(word >> 16u).x;
 }
+
+/// Bit of [`Vpl::bounce_met`].
+const MET: u32 = 0x80000000u;
+
+/// What is known of a brick, in words: vertices; lights, in fixed point.
+const BRICK_WORDS: u32 = 2u;
+const BRICK_VERTICES: u32 = 0u;
+const BRICK_LIGHTS: u32 = 1u;
+
+/// Fixed point: one light. 65,536 lights fit into a word.
+const LIGHT_SHIFT: u32 = 15u;
 
 struct Path {
     length: u32,
@@ -65,18 +77,6 @@ struct VplHeader {
     geometry_bound: f32,
     // Lights in the list.
     count: u32,
-    // Lights that a vertex of weight 1 would make.
-    lights_per_weight: f32,
-}
-
-/// How much a vertex counts among that many around it.
-fn vertex_weight(count: u32) -> f32 {
-    return pow(f32(max(count, 1u)), -1.0 / 3.0);
-}
-
-/// Lights that so many vertices around each other make.
-fn brick_lights(header: VplHeader, count: u32) -> f32 {
-    return f32(count) * min(vertex_weight(count) * header.lights_per_weight, 1.0);
 }
 
 /// Where vertex `index` of a path is stored.

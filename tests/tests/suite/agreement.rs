@@ -1,7 +1,8 @@
 //! What virtual lights see of the pixels of whole scenes, against exact rays.
 
 use bevy::math::Vec3;
-use bevy_bounce_shaders::types::{AtlasParameters, Grid, HILBERT_BITS, Occluder, Path, Vpl, VplHeader, VplParameters};
+use bevy_bounce_shaders::types::{
+    AtlasParameters, BRICK_WORDS, Grid, HILBERT_BITS, Occluder, Path, Vpl, VplHeader, VplParameters};
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::glb::{self, GlbScene};
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -46,7 +47,7 @@ fn light_up(scene: &TestScene, grid: &Grid) -> Resources {
         .uniform("parameters", &parameters)
         .structs("vertices", &vec![Vpl::default(); slots])
         .structs("paths", &vec![Path::default(); PATHS as usize])
-        .zeroed("brick_counts", bricks)
+        .zeroed("bricks", bricks * BRICK_WORDS as usize)
         .structs("vpls", &vec![Vpl::default(); LIGHTS as usize])
         .structs("header", &[VplHeader::default()])
         .zeroed("vertex_count", 1)

@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 
 use bevy::math::{Affine3A, Quat, Vec3};
 use bevy_bounce_shaders::types::{
-    Grid, HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Path, SUBSETS, Vpl, VplHeader, VplParameters,
+    BRICK_WORDS, Grid, HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Path, SUBSETS, Vpl, VplHeader, VplParameters,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -31,11 +31,12 @@ impl Traced {
         let grid = scene.grid(voxel_size);
         let parameters = VplParameters { capacity: 1000, path_count: PATHS, max_bounces, bound_scale: 1.0 };
         let slots = PATHS as usize * (max_bounces as usize + 1);
+        let bricks = grid.dims.map(|voxels| voxels.div_ceil(8)).element_product() as usize;
         let resources = voxelize(gpu(), scene, &grid, None)
             .uniform("parameters", &parameters)
             .structs("vertices", &vec![Vpl::default(); slots])
             .structs("paths", &vec![Path::default(); PATHS as usize])
-            .zeroed("brick_counts", grid.dims.map(|voxels| voxels.div_ceil(8)).element_product() as usize)
+            .zeroed("bricks", bricks * BRICK_WORDS as usize)
             .structs("vpls", &vec![Vpl::default(); parameters.capacity as usize])
             .structs("header", &[VplHeader::default()]);
         let emissive = scene.chunks(|i| scene.materials[i.material as usize].emissive != Vec3::ZERO).len() as u32;
@@ -45,7 +46,8 @@ impl Traced {
         }
         run(gpu(), "vpl/trace.wgsl", "trace_paths", &resources, [PATHS.div_ceil(64), 1, 1]);
         let paths = resources.read_structs("paths").expect("reads back");
-        let brick_counts = resources.read_words("brick_counts").expect("reads back");
+        let words = resources.read_words("bricks").expect("reads back");
+        let brick_counts = words.iter().step_by(BRICK_WORDS as usize).copied().collect();
         let vertices = resources.read_structs("vertices").expect("reads back");
         Self { parameters, grid, vertices, paths, brick_counts, resources }
     }
@@ -88,7 +90,7 @@ impl Traced {
     fn flux(&self) -> BTreeMap<u32, Vec3> {
         let mut flux = BTreeMap::new();
         for vertex in self.all() {
-            *flux.entry(vertex.bounce).or_insert(Vec3::ZERO) += vertex.flux / PATHS as f32;
+            *flux.entry(vertex.bounce()).or_insert(Vec3::ZERO) += vertex.flux / PATHS as f32;
         }
         flux
     }
@@ -229,7 +231,7 @@ fn emissive_triangles_are_area_lights() {
         assert_flux(&traced.flux(), 0, emitted, 1e-3);
         assert_flux(&traced.flux(), 1, emitted * 0.5, 0.03);
         assert!(traced.paths.iter().all(|path| path.first_bounce == 0));
-        let up = traced.all().filter(|vertex| vertex.bounce == 0 && vertex.normal.y > 0.5).count();
+        let up = traced.all().filter(|vertex| vertex.bounce() == 0 && vertex.normal.y > 0.5).count();
         let expected = if sides == 2.0 { PATHS as usize / 2 } else { 0 };
         assert!(up.abs_diff(expected) <= 8, "{up} paths start upwards, expected {expected}");
     }
@@ -282,10 +284,10 @@ fn the_list_is_whole_and_even() {
     assert!((990..=1000).contains(&count), "{count} lights in a list of 1000");
 
     // Each light is at a vertex, and none is in two places.
-    let by_key: BTreeMap<_, _> = traced.all().map(|vpl| ((vpl.path, vpl.bounce), vpl)).collect();
+    let by_key: BTreeMap<_, _> = traced.all().map(|vpl| ((vpl.path, vpl.bounce()), vpl)).collect();
     let mut seen = BTreeSet::new();
     for vpl in &list[..count] {
-        let key = (vpl.path, vpl.bounce);
+        let key = (vpl.path, vpl.bounce());
         assert!(seen.insert(key), "{key:?} is twice in the list");
         let vertex = by_key.get(&key).unwrap_or_else(|| panic!("{key:?} is not a vertex"));
         assert_eq!((vpl.position, vpl.normal), (vertex.position, vertex.normal));
@@ -328,6 +330,48 @@ fn the_list_is_whole_and_even() {
         let share = total(&mut list[range].iter()) * SUBSETS as f64 / total(&mut list[..count].iter());
         assert!((share - 1.0).abs().max_element() < 0.1, "subset {subset} has {share} of its share");
     }
+}
+
+#[test]
+fn light_that_goes_into_the_open_takes_few_lights() {
+    // The sun on a flat roof, and on a valley whose slopes light each other.
+    let mut scene = TestScene::new(Vec3::splat(0.7));
+    let quad = |a: Vec3, b: Vec3, c: Vec3, d: Vec3| [[a, b, c], [a, c, d]];
+    let square = |x: [f32; 2], y: [f32; 2]| {
+        let corner = |i: usize, z: f32| Vec3::new(x[i], y[i], z);
+        quad(corner(0, 1.0), corner(1, 1.0), corner(1, -1.0), corner(0, -1.0))
+    };
+    let roof = square([-3.0, -1.0], [2.0, 2.0]);
+    let valley = [square([1.0, 2.0], [2.0, 0.0]), square([2.0, 3.0], [0.0, 2.0])];
+    scene.soup(&[&roof[..], &valley[0], &valley[1]].concat());
+    scene.lights.push(Light {
+        kind: LIGHT_DIRECTIONAL,
+        direction: Vec3::NEG_Y,
+        color: Vec3::ONE,
+        cumulative_power: 24.0,
+        max_bounces: u32::MAX,
+        ..Default::default()
+    });
+    let mut traced = Traced::new(&scene, 0.1, 6);
+    traced.parameters.capacity = 250;
+    traced.resources = traced.resources.uniform("parameters", &traced.parameters);
+    let (traced, header, list) = traced.list();
+
+    let weight = |vertex: &Vpl| {
+        let around = traced.brick_counts[traced.brick(vertex)] as f64;
+        around.powf(-1.0 / 3.0) * if vertex.met() { 1.0 } else { 0.2 }
+    };
+    let on_roof = |vertex: &&Vpl| vertex.position.x < 0.0;
+    let share = traced.all().filter(on_roof).map(weight).sum::<f64>() / traced.all().map(weight).sum::<f64>();
+    let lights = list[..header.count as usize].iter().filter(on_roof).count() as f64;
+    assert!(traced.all().filter(on_roof).all(|vertex| !vertex.met()), "nothing is above the roof");
+    assert!(share < 0.3, "the roof has {share} of the lights");
+    assert!(traced.all().any(|vertex| vertex.met()), "the slopes light each other");
+    assert!((lights - share * f64::from(header.count)).abs() < 3.0, "{lights} lights, the share is {share}");
+
+    let flux = |vpls: &mut dyn Iterator<Item = &Vpl>| vpls.filter(on_roof).map(|vpl| f64::from(vpl.flux.y)).sum::<f64>();
+    let kept = flux(&mut list[..header.count as usize].iter()) * f64::from(PATHS) / flux(&mut traced.all());
+    assert!((kept - 1.0).abs() < 0.02, "{kept} of the roof's light is left");
 }
 
 #[test]

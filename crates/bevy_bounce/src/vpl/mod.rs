@@ -9,10 +9,10 @@
 //! | `paths` | 96 KiB | vertices of each path, and how many come before |
 //! | `order` | 1.7 MiB | key and slot of each vertex, twice for the sort |
 //! | `starts` | 416 KiB | where in the list each vertex of the order begins |
-//! | `brick_counts` | 2 KiB | vertices in each brick of the grid |
+//! | `bricks` | 4 KiB | vertices and lights in each brick of the grid |
 //! | `densities` | 4 KiB | lights and area of the surfaces in each brick |
 //! | `vpls` | 48 KiB | the list: position, normal, flux |
-//! | `header` | 84 B | where each of the sixteen subsets begins, paths, mean bound of the geometry term |
+//! | `header` | 80 B | where each of the sixteen subsets begins, paths, mean bound of the geometry term |
 //! | `emitters` | 80 B a triangle | emissive triangles and the running sum of their power |
 //!
 //! Flux is in lumens; a virtual light of flux F sends F / pi * cos candela.

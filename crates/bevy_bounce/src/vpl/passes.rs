@@ -65,7 +65,7 @@ pub(super) fn trace_vpls(
             whole(&vpl.emitters),
             whole(vpl.vertices(&grid)),
             whole(&vpl.paths),
-            whole(&vpl.brick_counts),
+            whole(&vpl.bricks),
         ],
     );
     let order = p.scan_paths.bind(
@@ -89,7 +89,7 @@ pub(super) fn trace_vpls(
             whole(vpl.vertices(&grid)),
             whole(&vpl.vertex_count),
             whole(vpl.order.sorted(VERTEX_KEY_BITS)),
-            whole(&vpl.brick_counts),
+            whole(&vpl.bricks),
             whole(&grid.counters),
             whole(&vpl.starts),
             whole(&vpl.header),
@@ -99,7 +99,7 @@ pub(super) fn trace_vpls(
     let density = p.measure_density.bind(
         &device,
         &cache,
-        &[parameters, whole(&vpl.header), whole(&vpl.brick_counts), whole(&vpl.densities)],
+        &[parameters, whole(&vpl.bricks), whole(&vpl.densities)],
     );
 
     let diagnostics = ctx.diagnostic_recorder();
@@ -111,7 +111,7 @@ pub(super) fn trace_vpls(
     p.accumulate_emitters.dispatch(encoder, &cache, &[&emitters], chunks.min(UVec3::ONE));
     let VplParameters { path_count, capacity, .. } = vpl.parameters();
     let groups = |threads: u32| UVec3::new(threads.div_ceil(GROUP), 1, 1);
-    encoder.clear_buffer(&vpl.brick_counts, 0, None);
+    encoder.clear_buffer(&vpl.bricks, 0, None);
     p.trace_paths.dispatch(encoder, &cache, &[&trace, &grid_group], groups(path_count));
     p.scan_paths.dispatch(encoder, &cache, &[&order], UVec3::ONE);
     p.write_pairs.dispatch(encoder, &cache, &[&order], groups(path_count));

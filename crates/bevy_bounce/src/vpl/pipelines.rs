@@ -31,14 +31,14 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     };
     // Geometry, instances, materials, thumbnails; emissive chunks, emitters, scene.
     let emitters = [read, read, read, read, read, write, uniform];
-    // Parameters, scene; lights, emitters; vertices, paths, brick counts.
+    // Parameters, scene; lights, emitters; vertices, paths, bricks.
     let trace = [uniform, uniform, read, read, write, write, write];
     // Parameters, grid; vertices; paths, vertex count, pairs.
     let order = [uniform, uniform, read, write, write, write];
-    // Parameters, grid; vertices, vertex count, pairs, brick counts, counters; starts, header, list.
-    let list = [uniform, uniform, read, read, read, read, read, write, write, write];
-    // Parameters; header, brick counts; densities.
-    let density = [uniform, read, read, write];
+    // Parameters, grid; vertices, vertex count, pairs; bricks; counters; starts, header, list.
+    let list = [uniform, uniform, read, read, read, write, read, write, write, write];
+    // Parameters; bricks; densities.
+    let density = [uniform, read, write];
     commands.insert_resource(VplPipelines {
         collect_emitters: kernel("vpl/emitters.wgsl", "collect", &emitters, &[]),
         accumulate_emitters: kernel("vpl/emitters.wgsl", "accumulate", &emitters, &[]),

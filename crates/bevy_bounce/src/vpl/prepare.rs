@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy_bounce_shaders::types::{CHUNK_TRIANGLES, Emitter, Path, Vpl, VplHeader, VplParameters};
+use bevy_bounce_shaders::types::{BRICK_WORDS, CHUNK_TRIANGLES, Emitter, Path, Vpl, VplHeader, VplParameters};
 
 use crate::avg::VoxelGrid;
 use crate::scene::SceneBuffers;
@@ -29,8 +29,8 @@ pub(crate) struct VplBuffers {
     pub order: SortBuffers,
     /// Where in the list each vertex of the order begins.
     pub starts: Buffer,
-    /// Vertices in each brick of the grid.
-    pub brick_counts: Buffer,
+    /// What is known of each brick of the grid, [`BRICK_WORDS`] each.
+    pub bricks: Buffer,
     /// By brick: lights, times the scale of the bound; area of the surfaces, square world units.
     pub densities: Buffer,
     /// The list.
@@ -53,7 +53,7 @@ impl VplBuffers {
             vertex_count: storage(device, "bounce_path_vertex_count", 4),
             order: SortBuffers::new(device, slots as u32),
             starts: storage(device, "bounce_vpl_starts", slots * 4),
-            brick_counts: storage(device, "bounce_path_bricks", 4),
+            bricks: storage(device, "bounce_vpl_bricks", 4),
             densities: storage(device, "bounce_vpl_densities", 8),
             vpls: storage(device, "bounce_vpls", u64::from(parameters.capacity) * u64::from(Vpl::min_size())),
             header: storage(device, "bounce_vpl_header", u64::from(VplHeader::min_size())),
@@ -78,7 +78,7 @@ impl VplBuffers {
                 "vpl: paths",
                 self.vertices.as_ref().map_or(0, |vertices| vertices.size())
                     + self.paths.size()
-                    + self.brick_counts.size()
+                    + self.bricks.size()
                     + self.densities.size(),
             ),
             ("vpl: order", self.order.bytes() + self.starts.size() + self.vertex_count.size()),
@@ -121,15 +121,16 @@ pub(super) fn prepare_vpls(
         bound_scale: settings.bound,
     };
     let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
-    let brick_bytes = grid.as_ref().map_or(0, |grid| grid.brick_count() * 4);
+    let bricks = grid.as_ref().map_or(0, |grid| grid.brick_count());
+    let brick_words = bricks * u64::from(BRICK_WORDS);
     let shared_bytes = grid.as_ref().map_or(0, |grid| grid.sums.size());
     let prepare = |buffers: &mut VplBuffers| {
         if buffers.emitters.size() < needed {
             buffers.emitters = storage(&device, "bounce_emitters", needed.next_power_of_two().min(limit).max(needed));
         }
-        if buffers.brick_counts.size() < brick_bytes {
-            buffers.brick_counts = storage(&device, "bounce_path_bricks", brick_bytes);
-            buffers.densities = storage(&device, "bounce_vpl_densities", 2 * brick_bytes);
+        if buffers.bricks.size() < brick_words * 4 {
+            buffers.bricks = storage(&device, "bounce_vpl_bricks", brick_words * 4);
+            buffers.densities = storage(&device, "bounce_vpl_densities", bricks * 8);
         }
         if buffers.vertex_bytes <= shared_bytes {
             buffers.vertices = None;
