@@ -49,10 +49,13 @@ pub struct Options {
     /// Scale of the bound of the geometry term, over the quality's
     #[arg(long, value_name = "X")]
     pub bound: Option<f32>,
+    /// Pixels at which bounced light is shaded, over the quality's
+    #[arg(long, value_enum)]
+    pub resolution: Option<ResolutionOption>,
     /// Iterations of screen-space bias compensation, over the quality's; 0 is off
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=8))]
     pub ssbc: Option<u32>,
-    /// Pixels at which it is integrated
+    /// Pixels at which that is integrated, over the quality's
     #[arg(long, value_enum)]
     pub ssbc_resolution: Option<ResolutionOption>,
     /// Steps of the display below which baked texels are taken together, over the quality's
@@ -127,7 +130,7 @@ pub enum IsolateOption {
     Indirect,
 }
 
-/// `--ssbc-resolution`
+/// `--resolution`, `--ssbc-resolution`
 #[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResolutionOption {
     /// Every pixel

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bevy::prelude::*;
-use bevy_bounce::{CssmFilter, GiIsolate, GlobalIllumination, Quality, SsbcResolution, Technique, VplVisibility};
+use bevy_bounce::{CssmFilter, GiIsolate, GlobalIllumination, Quality, Resolution, Technique, VplVisibility};
 
 use crate::options::{
     FilterOption, IsolateOption, QualityOption, ResolutionOption, ShowOption, Switch, TechniqueOption, VisibilityOption,
@@ -115,11 +115,13 @@ impl Options {
         };
         settings.bound = self.bound.unwrap_or(settings.bound);
         settings.ssbc.iterations = self.ssbc.unwrap_or(settings.ssbc.iterations);
-        settings.ssbc.resolution = match self.ssbc_resolution {
-            Some(ResolutionOption::Full) => SsbcResolution::Full,
-            Some(ResolutionOption::Half) => SsbcResolution::Half,
-            None => settings.ssbc.resolution,
+        let pixels = |asked: Option<ResolutionOption>, preset| match asked {
+            Some(ResolutionOption::Full) => Resolution::Full,
+            Some(ResolutionOption::Half) => Resolution::Half,
+            None => preset,
         };
+        settings.resolution = pixels(self.resolution, settings.resolution);
+        settings.ssbc.resolution = pixels(self.ssbc_resolution, settings.ssbc.resolution);
         settings.cssm.error = self.cssm_error.unwrap_or(settings.cssm.error);
         settings.cssm.filter = match self.cssm_filter {
             Some(FilterOption::Nearest) => CssmFilter::Nearest,

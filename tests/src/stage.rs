@@ -6,7 +6,8 @@ use std::time::Duration;
 use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy_bounce::{
-    CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, SsbcSettings, Technique, VplVisibility,
+    CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, Resolution, SsbcSettings, Technique,
+    VplVisibility,
 };
 use bevy_bounce_examples::capture::{self, CaptureScene, Targets};
 use bevy_bounce_examples::{Run, app, headless};
@@ -22,6 +23,7 @@ pub const SMALL: GiSettings = GiSettings {
     visibility: VplVisibility::Voxel,
     tile: 24,
     bound: 1.0,
+    resolution: Resolution::Full,
     ssbc: SsbcSettings::OFF,
     cssm: CssmSettings::DEFAULT,
 };

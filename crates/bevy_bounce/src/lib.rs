@@ -38,15 +38,15 @@ pub use interleaved::InterleavedShadingPlugin;
 pub use memory::gpu_memory;
 pub use plugins::{GiSystems, GlobalIlluminationPlugins};
 pub use scene::{GiLight, GiScenePlugin, VoxelizedMesh};
-pub use settings::{GiSettings, GlobalIllumination, Quality, Technique, VplVisibility};
+pub use settings::{GiSettings, GlobalIllumination, Quality, Resolution, Technique, VplVisibility};
 pub use shadow_atlas::ShadowAtlasPlugin;
-pub use ssbc::{SsbcPlugin, SsbcResolution, SsbcSettings};
+pub use ssbc::{SsbcPlugin, SsbcSettings};
 pub use vpl::VplPlugin;
 
 /// What a game needs to name.
 pub mod prelude {
     pub use crate::{
-        CssmObject, GiLight, GlobalIllumination, GlobalIlluminationPlugins, Quality, Technique, VoxelizedMesh,
-        VplVisibility,
+        CssmObject, GiLight, GlobalIllumination, GlobalIlluminationPlugins, Quality, Resolution, Technique,
+        VoxelizedMesh, VplVisibility,
     };
 }

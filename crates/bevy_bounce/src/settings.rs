@@ -35,7 +35,7 @@ pub enum Technique {
 /// How much is spent. Baked objects are gathered from with an error of 32, 16, 8 and 4 steps of the display. With several cameras the world stages follow the most demanding one.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq)]
 pub enum Quality {
-    /// 256 virtual lights, a grid of 32^3 voxels, one bias compensation.
+    /// 256 virtual lights, a grid of 32^3 voxels, shaded at half resolution, one bias compensation.
     Low,
     /// 1024 virtual lights, a grid of 64^3 voxels, one bias compensation.
     #[default]
@@ -68,10 +68,33 @@ pub struct GiSettings {
     /// number over the area of the surfaces around the point that is lit): 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches. `ssbc`
     /// gives back what a low one takes, as far as the camera sees it.
     pub bound: f32,
+    /// Pixels at which bounced light is shaded.
+    pub resolution: Resolution,
     /// Compensation of what the bounded geometry term takes from corners.
     pub ssbc: SsbcSettings,
     /// Gathering from baked objects.
     pub cssm: CssmSettings,
+}
+
+/// Pixels at which something is computed.
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Resolution {
+    /// Each.
+    #[default]
+    Full,
+    /// Each fourth, at about a quarter of the cost. Between them it is interpolated within surfaces, and computed anew at pixels
+    /// whose surface has too few of them near.
+    Half,
+}
+
+impl Resolution {
+    /// Edge of a texel, pixels.
+    pub(crate) fn pixels_a_texel(self) -> u32 {
+        match self {
+            Resolution::Full => 1,
+            Resolution::Half => 2,
+        }
+    }
 }
 
 /// Virtual lights times triangles that are drawn into their shadow maps, at most.
@@ -111,21 +134,22 @@ impl Default for GiSettings {
 impl Quality {
     /// The values this quality stands for, within the documented ranges.
     pub fn settings(&self) -> GiSettings {
-        let preset = |grid, vpls, tile, iterations, error| GiSettings {
+        let preset = |grid, vpls, tile, resolution, iterations, error| GiSettings {
             grid,
             vpls,
             bounces: 12,
             visibility: VplVisibility::Atlas,
             tile,
             bound: 1.0,
+            resolution,
             ssbc: SsbcSettings { iterations, ..default() },
             cssm: CssmSettings { error, ..default() },
         };
         match *self {
-            Quality::Low => preset(32, 256, 24, 1, 32.0),
-            Quality::Medium => preset(64, 1024, 32, 1, 16.0),
-            Quality::High => preset(96, 4096, 32, 2, 8.0),
-            Quality::Ultra => preset(128, 8192, 48, 2, 4.0),
+            Quality::Low => preset(32, 256, 24, Resolution::Half, 1, 32.0),
+            Quality::Medium => preset(64, 1024, 32, Resolution::Full, 1, 16.0),
+            Quality::High => preset(96, 4096, 32, Resolution::Full, 2, 8.0),
+            Quality::Ultra => preset(128, 8192, 48, Resolution::Full, 2, 4.0),
             Quality::Custom(custom) => GiSettings {
                 grid: custom.grid.clamp(8, 256),
                 vpls: custom.vpls.clamp(16, 65536),
@@ -133,6 +157,7 @@ impl Quality {
                 visibility: custom.visibility,
                 tile: custom.tile.clamp(8, 48) & !3,
                 bound: if custom.bound.is_finite() { custom.bound.clamp(0.01, 100.0) } else { 1.0 },
+                resolution: custom.resolution,
                 ssbc: custom.ssbc.clamped(),
                 cssm: custom.cssm.clamped(),
             },
@@ -160,6 +185,7 @@ pub(crate) fn extract_world_settings(
             visibility: a.visibility.max(b.visibility),
             tile: a.tile.max(b.tile),
             bound: a.bound.min(b.bound),
+            resolution: a.resolution,
             ssbc: a.ssbc,
             cssm: a.cssm,
         });

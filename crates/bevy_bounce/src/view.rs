@@ -6,7 +6,7 @@
 //! | `direct` | rgba16float | direct light; alpha 1 where a surface is lit |
 //! | `direct_diffuse` | rgba16float | its diffuse part |
 //! | `indirect` | rgba16float | irradiance of bounced light over pi |
-//! | `interleaved` | rgba16float | the same before filtering; then what pixels send, for bias compensation |
+//! | `interleaved` | rgba16float | the same, half filtered; then what pixels send, for bias compensation |
 //!
 //! Light is pre-exposed: cd/m^2 times the view's exposure. `direct` and `indirect` are the two layers of one array, so that
 //! the composing pass needs one binding for both: Bevy's view bindings leave no more of the 16 that WebGPU guarantees.
@@ -47,7 +47,7 @@ pub(crate) struct ViewTextures {
     pub direct_diffuse: TextureView,
     /// Bounced light.
     pub indirect: TextureView,
-    /// Bounced light before filtering; then what pixels send.
+    /// Bounced light, half filtered; then what pixels send.
     pub interleaved: TextureView,
     /// `direct` and `indirect` as layers of an array.
     pub light: TextureView,

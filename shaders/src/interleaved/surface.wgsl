@@ -33,6 +33,18 @@ fn unpack_surface(texel: vec2<u32>, pixel: vec2<u32>, size: vec2<u32>, view: Vie
     return surface;
 }
 
+/// Edge of a texel at which light is shaded, pixels; it shows the first of them.
+#ifdef HALF_RESOLUTION
+const PIXELS_A_TEXEL: u32 = 2u;
+#else
+const PIXELS_A_TEXEL: u32 = 1u;
+#endif
+
+/// Texels at which light is shaded in a view of that many pixels.
+fn texels_shaded(pixels: vec2<u32>) -> vec2<u32> {
+    return (pixels + (PIXELS_A_TEXEL - 1u)) / PIXELS_A_TEXEL;
+}
+
 /// Cosine of the angle between normals beyond which there is an edge.
 const NORMAL_EDGE: f32 = 0.85;
 /// Pixels off the plane of the surface beyond which there is an edge.

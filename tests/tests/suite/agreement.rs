@@ -2,7 +2,8 @@
 
 use bevy::math::Vec3;
 use bevy_bounce_shaders::types::{
-    AtlasParameters, BRICK_WORDS, Grid, HILBERT_BITS, Occluder, Path, Vpl, VplHeader, VplParameters};
+    AtlasParameters, BRICK_WORDS, Grid, HILBERT_BITS, Occluder, Path, Vpl, VplHeader, VplParameters,
+};
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::glb::{self, GlbScene};
 use bevy_bounce_tests::gpu::{Resources, gpu};

@@ -5,7 +5,8 @@ use std::f32::consts::PI;
 
 use bevy::math::{Affine3A, Quat, Vec3};
 use bevy_bounce_shaders::types::{
-    BRICK_WORDS, Grid, HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Path, SUBSETS, Vpl, VplHeader, VplParameters,
+    BRICK_WORDS, Grid, HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Path, SUBSETS, Vpl, VplHeader,
+    VplParameters,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -369,7 +370,8 @@ fn light_that_goes_into_the_open_takes_few_lights() {
     assert!(traced.all().any(|vertex| vertex.met()), "the slopes light each other");
     assert!((lights - share * f64::from(header.count)).abs() < 3.0, "{lights} lights, the share is {share}");
 
-    let flux = |vpls: &mut dyn Iterator<Item = &Vpl>| vpls.filter(on_roof).map(|vpl| f64::from(vpl.flux.y)).sum::<f64>();
+    let flux =
+        |vpls: &mut dyn Iterator<Item = &Vpl>| vpls.filter(on_roof).map(|vpl| f64::from(vpl.flux.y)).sum::<f64>();
     let kept = flux(&mut list[..header.count as usize].iter()) * f64::from(PATHS) / flux(&mut traced.all());
     assert!((kept - 1.0).abs() < 0.02, "{kept} of the roof's light is left");
 }

@@ -1,10 +1,13 @@
 //! Whole frames: against a path-traced reference, against themselves, and with every setting live.
 
+use std::path::Path;
 use std::time::Duration;
 
 use bevy::camera::Exposure;
 use bevy::prelude::*;
-use bevy_bounce::{GiLight, GiSettings, GlobalIllumination, Technique, VoxelizedMesh, VplVisibility};
+use bevy_bounce::{GiLight, GiSettings, GlobalIllumination, Resolution, Technique, VoxelizedMesh, VplVisibility};
+use bevy_bounce_examples::Run;
+use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
 use bevy_bounce_examples::scenes::{AnimalPlugin, Builder, CornellPlugin, Walls};
 use bevy_bounce_tests::metrics::{Bounds, Metrics, compare};
 use bevy_bounce_tests::picture::Picture;
@@ -28,10 +31,14 @@ fn black(picture: &Picture) -> bool {
 fn cornell_box_equals_its_reference() {
     let reference = Picture::load(&committed_file("cornell_box.indirect.exr")).expect("is committed");
     let bounds = Bounds { energy: Some((0.88, 1.08)), low: Some(0.22), flip: Some(0.16), nrmse: None };
-    let mut stage = cornell(GiSettings { grid: 64, vpls: 1024, bounces: 12, ..SMALL });
-    let picture = stage.picture();
-    let metrics = compare(&picture, &reference, &bounds).unwrap_or_else(|error| panic!("{error}"));
-    println!("{metrics:?}");
+    let fine = GiSettings { grid: 64, vpls: 1024, bounces: 12, ..SMALL };
+    let mut stage = cornell(fine);
+    for resolution in [Resolution::Full, Resolution::Half] {
+        stage.light_by(illumination(GiSettings { resolution, ..fine }));
+        let picture = stage.settled_picture();
+        let metrics = compare(&picture, &reference, &bounds).unwrap_or_else(|error| panic!("{resolution:?}: {error}"));
+        println!("{resolution:?}: {metrics:?}");
+    }
     // The bounds would notice: without shadows there is too much light, with one bounce too little, and not there.
     for wrong in [GiSettings { visibility: VplVisibility::None, ..SMALL }, GiSettings { bounces: 1, ..SMALL }] {
         stage.light_by(illumination(wrong));
@@ -54,6 +61,7 @@ fn frames_are_the_same_to_the_byte_and_follow_every_change() {
         ("vpls", GiSettings { vpls: 512, ..SMALL }),
         ("bounces", GiSettings { bounces: 2, ..SMALL }),
         ("visibility", GiSettings { visibility: VplVisibility::None, ..SMALL }),
+        ("resolution", GiSettings { resolution: Resolution::Half, ..SMALL }),
     ];
     for (name, settings) in changed {
         stage.light_by(illumination(settings));
@@ -280,15 +288,51 @@ fn look(side: f32) -> Transform {
 
 #[test]
 fn plugins_without_a_camera_leave_bevys_picture() {
-    let mut with = run(SIZE, None);
-    let scene = |app: &mut App| {
-        app.add_plugins(CornellPlugin);
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/cornell_box.glb");
+    let file = SceneFile::open(&path).unwrap_or_else(|error| panic!("{error}"));
+    let camera = file.camera(None).unwrap_or_else(|error| panic!("{error}")).cloned();
+    let picture = |plain_bevy: bool| {
+        let run = Run { plain_bevy, ..run(SIZE, None) };
+        let plugin = GltfScenePlugin {
+            file: file.clone(),
+            camera: camera.clone(),
+            matte: false,
+            flip_textures: false,
+            bake: None,
+        };
+        Stage::with_assets(run, Some(file.folder()), |app| {
+            app.add_plugins(plugin);
+        })
+        .picture()
     };
-    let ours = Stage::with_run(with.clone(), scene).picture();
-    with.plain_bevy = true;
-    let bevys = Stage::with_run(with, scene).picture();
+    let (ours, bevys) = (picture(false), picture(true));
     let metrics = Metrics::new(&ours, &bevys).expect("sizes are equal");
     assert!(bevys.mean_luminance() > 1.0 && metrics.flip <= 0.005, "{metrics:?}");
+}
+
+/// Light between shaded pixels is that of its surface, and pixels without neighbours are shaded themselves.
+#[test]
+fn half_resolution_is_near_full() {
+    let mut stage = Stage::new(UVec2::new(160, 90), SMALL, |app| {
+        app.add_plugins(CornellPlugin);
+    });
+    for visibility in [VplVisibility::None, VplVisibility::Voxel, VplVisibility::Atlas] {
+        let mut picture = |resolution| {
+            stage.light_by(illumination(GiSettings { visibility, resolution, ..SMALL }));
+            stage.settled_picture()
+        };
+        let (full, half) = (picture(Resolution::Full), picture(Resolution::Half));
+        let metrics = Metrics::new(&half, &full).expect("sizes are equal");
+        println!("{visibility:?}: {metrics:?}");
+        let lit = |picture: &Picture| picture.pixels.iter().filter(|pixel| **pixel != [0.0; 3]).count();
+        assert!(
+            lit(&half).abs_diff(lit(&full)) < 30,
+            "{} pixels are lit, {} at full resolution",
+            lit(&half),
+            lit(&full)
+        );
+        assert!(half.nonfinite() == 0 && (metrics.energy - 1.0).abs() < 0.02, "{metrics:?}");
+    }
 }
 
 /// A closed box whose walls emit: light goes on for ever, and has a closed form. Without occlusion it must be even, too.

@@ -14,11 +14,23 @@ fn composed() -> impl Iterator<Item = (&'static str, Composed)> {
     let alone = SHADERS.iter().filter(|shader| !shader.source.contains("mesh_view_bindings"));
     let alone = alone.filter(|shader| !shader.source.contains("@fragment"));
     alone.flat_map(|shader| {
-        variants(shader.source).into_iter().map(|defs| match compose(shader.path, &defs) {
+        variants(&with_imports(shader.source)).into_iter().map(|defs| match compose(shader.path, &defs) {
             Ok(composed) => (shader.path, composed),
             Err(error) => panic!("{error}"),
         })
     })
+}
+
+/// The text of a shader and of all modules of ours that it imports.
+fn with_imports(source: &str) -> String {
+    let mut text = source.to_owned();
+    for import in source.lines().filter_map(|line| line.strip_prefix("#import bevy_bounce::")) {
+        let mut parts = import.split("::");
+        let (Some(folder), Some(file)) = (parts.next(), parts.next()) else { continue };
+        let imported = bevy_bounce_shaders::shader(&format!("{folder}/{}.wgsl", file.trim()));
+        text.extend(imported.map(|shader| with_imports(shader.source)));
+    }
+    text
 }
 
 /// Every subset of the names that a shader tests for.
@@ -34,6 +46,8 @@ fn variants_are_found() {
     let accumulate: ShaderDefVal = "ACCUMULATE".into();
     let source = bevy_bounce_shaders::shader("avg/voxelize.wgsl").expect("there is such a shader").source;
     assert_eq!(variants(source), [vec![], vec![accumulate]]);
+    let shade = bevy_bounce_shaders::shader("interleaved/shade.wgsl").expect("there is such a shader").source;
+    assert_eq!(variants(&with_imports(shade)).len(), 8, "what it imports has variants, too");
 }
 
 #[test]

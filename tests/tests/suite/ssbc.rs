@@ -5,7 +5,7 @@ use std::f32::consts::{FRAC_PI_2, PI};
 use bevy::camera::Exposure;
 use bevy::math::{Mat4, UVec2, Vec3, Vec4};
 use bevy::prelude::*;
-use bevy_bounce::{GiIsolate, GiSettings, SsbcResolution, SsbcSettings};
+use bevy_bounce::{GiIsolate, GiSettings, Resolution, SsbcSettings};
 use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
 use bevy_bounce_examples::scenes::{Builder, CornellPlugin, Walls};
 use bevy_bounce_shaders::types::{Grid, SSBC_LEVELS, SsbcParameters, VplHeader};
@@ -359,10 +359,10 @@ fn add(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
     std::array::from_fn(|c| a[c] + b[c])
 }
 
-fn other(resolution: SsbcResolution) -> SsbcResolution {
+fn other(resolution: Resolution) -> Resolution {
     match resolution {
-        SsbcResolution::Full => SsbcResolution::Half,
-        SsbcResolution::Half => SsbcResolution::Full,
+        Resolution::Full => Resolution::Half,
+        Resolution::Half => Resolution::Full,
     }
 }
 

@@ -1,8 +1,10 @@
 //! Interleaved shading: every pixel is lit by a sixteenth of the virtual lights, and its 4x4 neighbourhood by all.
 //! Keller & Heidrich 2001, "Interleaved Sampling"; Bashford-Rogers et al. 2012, III-C.
 //!
-//! Two compute passes: `shade` writes the irradiance of one subset into `interleaved`, `filter` the mean of each pixel's 4x4
-//! window, edges left out, into `indirect` (textures of the view).
+//! Three compute passes: `shade` writes the irradiance of one subset into `indirect`, `filter_rows` means along rows into
+//! `interleaved`, `filter_columns` means of these along columns into `indirect` (textures of the view). Samples across edges are left
+//! out. At half resolution the first works on every second pixel of every second row, and the last lights pixels anew whose
+//! surface has hardly any of them near.
 //!
 //! The geometry term is bounded by the number of lights around a pixel over the area of the surfaces there: no light counts for more
 //! than at the distance between lights. What this takes from corners is left to bias compensation.

@@ -15,8 +15,8 @@ use crate::view::{GiView, ViewTextures};
 use crate::vpl::VplBuffers;
 use crate::{Technique, VplVisibility};
 
-/// Edge of a tile of pixels of one sub-image, times the edge of the 4x4 blocks.
-const TILE_PIXELS: u32 = 8 * 4;
+/// Edge of a tile of texels of one sub-image, times the edge of the 4x4 blocks.
+const TILE_TEXELS: u32 = 8 * 4;
 /// Edge of a workgroup of the filter.
 const GROUP: u32 = 8;
 
@@ -53,36 +53,37 @@ pub(super) fn shade(
         offset: offset.offset.into(),
         size: Some(ViewUniform::min_size()),
     });
-    let shade = p.shade(visibility);
+    let passes = p.passes(visibility, gi.settings.resolution);
     let device = ctx.render_device().clone();
-    let shade_group = shade.bind(
-        &device,
-        &cache,
-        &[
+    let bindings = |output| {
+        [
             view_uniform.clone(),
             texture(&textures.surface),
             whole(&vpl.header),
             whole(&vpl.vpls),
-            texture(&textures.interleaved),
-            grid_uniform,
+            texture(output),
+            grid_uniform.clone(),
             whole(&vpl.densities),
-        ],
-    );
-    let filter_group = p.filter.bind(
-        &device,
-        &cache,
-        &[view_uniform, texture(&textures.surface), texture(&textures.interleaved), texture(&textures.indirect)],
-    );
+        ]
+    };
+    let from_to = |from, to| bindings(to).into_iter().chain([texture(from)]).collect::<Vec<_>>();
+    let (last, between) = (&textures.indirect, &textures.interleaved);
+    let shade_group = passes.shade.bind(&device, &cache, &bindings(last));
+    let rows_group = passes.rows.bind(&device, &cache, &from_to(last, between));
+    let columns_group = passes.columns.bind(&device, &cache, &from_to(between, last));
 
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/interleaved");
-    let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE_PIXELS)) * 4;
-    let groups: Vec<_> = std::iter::once(&shade_group).chain(&visibility_group).collect();
-    shade.dispatch(encoder, &cache, &groups, tiles.extend(1));
-    let groups = textures.size.map(|pixels| pixels.div_ceil(GROUP));
-    p.filter.dispatch(encoder, &cache, &[&filter_group], groups.extend(1));
+    let pixels_a_texel = gi.settings.resolution.pixels_a_texel();
+    let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE_TEXELS * pixels_a_texel)) * 4;
+    let with = |group| std::iter::once(group).chain(&visibility_group).collect::<Vec<_>>();
+    passes.shade.dispatch(encoder, &cache, &with(&shade_group), tiles.extend(1));
+    let groups = UVec3::from((textures.size.map(|pixels| pixels.div_ceil(GROUP)), 1));
+    let rows = groups.with_y(textures.size.y.div_ceil(GROUP * pixels_a_texel));
+    passes.rows.dispatch(encoder, &cache, &with(&rows_group), rows);
+    passes.columns.dispatch(encoder, &cache, &with(&columns_group), groups);
     span.end(encoder);
 }
 

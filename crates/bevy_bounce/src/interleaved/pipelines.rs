@@ -5,28 +5,38 @@ use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, texture_2d, texture_storage_2d, uniform_buffer_sized,
 };
 use bevy::render::render_resource::{PipelineCache, StorageTextureAccess, TextureFormat, TextureSampleType};
+use bevy::shader::ShaderDefVal;
 
-use crate::VplVisibility;
 use crate::avg::grid_layout;
 use crate::compute::{GiShaders, Kernel, KernelDescriptor};
 use crate::shadow_atlas::atlas_layout;
+use crate::{Resolution, VplVisibility};
 
 /// Kernels of the interleaved shading.
 #[derive(Resource)]
 pub(super) struct InterleavedPipelines {
-    shade_none: Kernel,
-    shade_voxel: Kernel,
-    shade_atlas: Kernel,
-    pub filter: Kernel,
+    full: [Passes; 3],
+    half: [Passes; 3],
+}
+
+/// What runs in a view.
+pub(super) struct Passes {
+    pub shade: Kernel,
+    pub rows: Kernel,
+    pub columns: Kernel,
 }
 
 impl InterleavedPipelines {
-    /// The shading kernel of that visibility.
-    pub fn shade(&self, visibility: VplVisibility) -> &Kernel {
+    /// The kernels of that visibility at that resolution.
+    pub fn passes(&self, visibility: VplVisibility, resolution: Resolution) -> &Passes {
+        let [none, voxel, atlas] = match resolution {
+            Resolution::Full => &self.full,
+            Resolution::Half => &self.half,
+        };
         match visibility {
-            VplVisibility::None => &self.shade_none,
-            VplVisibility::Voxel => &self.shade_voxel,
-            VplVisibility::Ism | VplVisibility::Atlas => &self.shade_atlas,
+            VplVisibility::None => none,
+            VplVisibility::Voxel => voxel,
+            VplVisibility::Ism | VplVisibility::Atlas => atlas,
         }
     }
 }
@@ -37,19 +47,26 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let surface = texture_2d(TextureSampleType::Uint);
     let light = texture_2d(TextureSampleType::Float { filterable: false });
     let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
-    let kernel = |path, entry, bindings: &[_], groups: &[_], defs| {
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
-    };
-    // View; surface; header, list; light; grid, densities.
+    // View; surface; header, list; result; grid, densities; light so far.
     let shade = [uniform, surface, read, read, output, uniform, read];
-    // View; surface, light of the subsets; light.
-    let filter = [uniform, surface, light, output];
-    let voxel = vec!["VISIBILITY_VOXEL".into()];
-    let atlas = vec!["VISIBILITY_ATLAS".into()];
-    commands.insert_resource(InterleavedPipelines {
-        shade_none: kernel("interleaved/shade.wgsl", "shade", &shade, &[], vec![]),
-        shade_voxel: kernel("interleaved/shade.wgsl", "shade", &shade, &[grid_layout()], voxel),
-        shade_atlas: kernel("interleaved/shade.wgsl", "shade", &shade, &[atlas_layout()], atlas),
-        filter: kernel("interleaved/filter.wgsl", "filter_joined", &filter, &[], vec![]),
-    });
+    let filter = [uniform, surface, read, read, output, uniform, read, light];
+    let passes = |resolution: &[ShaderDefVal], visibility: &[ShaderDefVal], groups: &[_]| {
+        let kernel = |path, entry, bindings: &[_]| {
+            let defs = [resolution, visibility].concat();
+            Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
+        };
+        Passes {
+            shade: kernel("interleaved/shade.wgsl", "shade", &shade),
+            rows: kernel("interleaved/filter.wgsl", "filter_rows", &filter),
+            columns: kernel("interleaved/filter.wgsl", "filter_columns", &filter),
+        }
+    };
+    let at = |resolution: &[ShaderDefVal]| {
+        [
+            passes(resolution, &[], &[]),
+            passes(resolution, &["VISIBILITY_VOXEL".into()], &[grid_layout()]),
+            passes(resolution, &["VISIBILITY_ATLAS".into()], &[atlas_layout()]),
+        ]
+    };
+    commands.insert_resource(InterleavedPipelines { full: at(&[]), half: at(&["HALF_RESOLUTION".into()]) });
 }

@@ -47,11 +47,11 @@ use bevy::core_pipeline::schedule::Core3d;
 use bevy::prelude::*;
 use bevy::render::{Render, RenderApp, RenderStartup};
 
-use crate::GiSystems;
 use crate::camera::device_is_adequate;
 use crate::compose::ViewPass;
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
+use crate::{GiSystems, Resolution};
 
 pub(crate) use prepare::SsbcTextures;
 
@@ -67,32 +67,16 @@ pub struct SsbcSettings {
     /// The same for a group of pixels that an edge runs through.
     pub edge_solid_angle: f32,
     /// Pixels at which it is integrated.
-    pub resolution: SsbcResolution,
+    pub resolution: Resolution,
     /// Blurs the result within surfaces, two texels of its resolution wide; hides steps where few pixels are looked at.
     pub blur: bool,
-}
-
-/// Pixels at which bias compensation is integrated.
-#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum SsbcResolution {
-    /// Each.
-    Full,
-    /// Each fourth; between them it is interpolated within surfaces, and integrated anew at pixels whose surface has too
-    /// few of them near.
-    #[default]
-    Half,
 }
 
 impl SsbcSettings {
     /// No compensation.
     pub const OFF: Self = Self { iterations: 0, ..Self::DEFAULT };
-    const DEFAULT: Self = Self {
-        iterations: 1,
-        solid_angle: 0.08,
-        edge_solid_angle: 0.04,
-        resolution: SsbcResolution::Half,
-        blur: false,
-    };
+    const DEFAULT: Self =
+        Self { iterations: 1, solid_angle: 0.08, edge_solid_angle: 0.04, resolution: Resolution::Half, blur: false };
 
     /// The same within the documented ranges.
     pub(crate) fn clamped(self) -> Self {

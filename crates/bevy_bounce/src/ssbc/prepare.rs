@@ -8,7 +8,7 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::{SSBC_LEVELS, SsbcParameters};
 
-use super::{SsbcResolution, SsbcSettings};
+use super::SsbcSettings;
 use crate::view::{GiView, ViewTextures};
 
 /// Bytes of a texel of the hierarchy.
@@ -36,10 +36,7 @@ pub(crate) struct SsbcTextures {
 
 impl SsbcTextures {
     fn new(device: &RenderDevice, queue: &RenderQueue, size: UVec2, settings: SsbcSettings) -> Self {
-        let scale = match settings.resolution {
-            SsbcResolution::Full => 1,
-            SsbcResolution::Half => 2,
-        };
+        let scale = settings.resolution.pixels_a_texel();
         let residual_size = size.map(|pixels| pixels.div_ceil(scale));
         let hierarchy =
             texture(device, "bounce_ssbc_hierarchy", hierarchy_size(size), SSBC_LEVELS, TextureFormat::Rgba32Uint);

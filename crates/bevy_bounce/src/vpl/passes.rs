@@ -96,11 +96,7 @@ pub(super) fn trace_vpls(
             whole(&vpl.vpls),
         ],
     );
-    let density = p.measure_density.bind(
-        &device,
-        &cache,
-        &[parameters, whole(&vpl.bricks), whole(&vpl.densities)],
-    );
+    let density = p.measure_density.bind(&device, &cache, &[parameters, whole(&vpl.bricks), whole(&vpl.densities)]);
 
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();

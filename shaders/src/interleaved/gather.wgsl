@@ -1,0 +1,72 @@
+// Bounced light at a point: a sum over virtual lights, with a bounded geometry term and their visibility.
+//
+// Cost: about 30 operations a light; besides a ray, or the lookup of a depth, where visibility asks for it.
+
+#define_import_path bevy_bounce::interleaved::gather
+
+#import bevy_bounce::shared::sampling::PI
+#import bevy_bounce::vpl::bound::geometry_bound
+#import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS}
+#import bevy_bounce::interleaved::surface::Surface
+#ifdef VISIBILITY_VOXEL
+#import bevy_bounce::shared::rays::{grid, trace, to_grid, Ray}
+#endif
+#ifdef VISIBILITY_ATLAS
+#import bevy_bounce::shadow_atlas::lookup::atlas_visible
+#endif
+
+@group(0) @binding(2) var<storage, read> header: VplHeader;
+@group(0) @binding(3) var<storage, read> vpls: array<Vpl>;
+
+// Voxels: a pixel is on a surface that the grid knows only as the mean of its voxel.
+const SURFACE_GAP: f32 = 0.25;
+
+#ifdef VISIBILITY_VOXEL
+fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
+    var ray: Ray;
+    ray.origin = to_grid(vpl.position);
+    let to_surface = to_grid(surface.position) - ray.origin;
+    ray.length = length(to_surface);
+    ray.direction = to_surface / max(ray.length, 1e-6);
+    ray.start_normal = vpl.normal;
+    ray.end_normal = surface.normal;
+    ray.gap = SURFACE_GAP;
+    return !trace(ray).found;
+}
+#else ifdef VISIBILITY_ATLAS
+fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
+    return atlas_visible(light, vpl, surface.position, surface.normal);
+}
+#else
+fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
+    return true;
+}
+#endif
+
+/// Irradiance over pi from the lights of a part of the list, cd/m^2.
+fn gather(surface: Surface, first: u32, end: u32) -> vec3<f32> {
+    var light = vec3<f32>(0.0);
+    let bound = geometry_bound(header, surface.position);
+    for (var i = first; i < end; i++) {
+        let vpl = vpls[i];
+        let to_vpl = vpl.position - surface.position;
+        let square = max(dot(to_vpl, to_vpl), 1e-12);
+        let direction = to_vpl * inverseSqrt(square);
+        let cosines = max(dot(surface.normal, direction), 0.0) * max(-dot(vpl.normal, direction), 0.0);
+        let geometry_term = min(cosines / square, bound);
+        if geometry_term > 0.0 && is_visible(i, vpl, surface) {
+            light += vpl.flux * geometry_term;
+        }
+    }
+    return light / (PI * PI);
+}
+
+/// The same from a subset, which stands for all.
+fn gather_subset(surface: Surface, subset: u32) -> vec3<f32> {
+    return f32(SUBSETS) * gather(surface, header.subset_start[subset], header.subset_start[subset + 1u]);
+}
+
+/// The same from all lights.
+fn gather_all(surface: Surface) -> vec3<f32> {
+    return gather(surface, 0u, header.count);
+}
