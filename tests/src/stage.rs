@@ -6,7 +6,8 @@ use std::time::Duration;
 use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy_bounce::{
-    CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, SsbcSettings, Technique, VplVisibility,
+    CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, SsbcSettings, Technique,
+    VplVisibility,
 };
 use bevy_bounce_examples::capture::{self, CaptureScene, Targets};
 use bevy_bounce_examples::{Run, app, headless};
@@ -24,6 +25,7 @@ pub const SMALL: GiSettings = GiSettings {
     bound: 1.0,
     ssbc: SsbcSettings::OFF,
     cssm: CssmSettings::DEFAULT,
+    radiance_cache: RadianceCacheSettings::DEFAULT,
 };
 
 /// Global illumination with those settings.
