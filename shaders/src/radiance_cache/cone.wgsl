@@ -1,11 +1,19 @@
 // Cones through the light volume. Rehfeld, Zirr and Dachsbacher 2014, 3.1 and 4, "Cone-marching"; Crassin et al. 2011.
 //
-// A cone starts with a diameter of 3/4 of a voxel, and half a step from its origin; a step is half the diameter, and the level
-// is the one whose texels are as wide as the cone. Both grow by the same factor a step, so that the level's logarithm grows by
-// a constant.
+// A cone starts with a diameter of 3/4 of a voxel; a step is half the diameter, and the level is the one whose texels are as
+// wide as the cone. Both grow by the same factor a step, so that the level's logarithm grows by a constant.
 //
 // The six facings of a texel are apart: a cone sees what faces it, so that a surface does not shade itself and light on one
 // side of a wall is not seen on the other.
+//
+// Coverage is projected area: what a cone meets on a step is its sum over the axes, each times how much of a texel the step
+// goes along the axis. Over a whole surface that adds up to what of the cone the surface fills, whatever the angle, the
+// level and the step. Where a layer is half open, the next one behind closes the other half; the paper multiplies, by which
+// edges grow and closed walls leak.
+//
+// A filtered surface reaches a texel to both sides. A cone therefore starts a little before its place, so that it meets the whole
+// of what is near; and what looks down on the surface that it leaves counts only from half a texel above it, for a thin
+// wall's other side is that near. For the same reason a cone goes on for half a texel beyond the grid.
 //
 // Cost: three filtered loads a step, some forty steps across a grid of 64^3.
 
@@ -23,56 +31,75 @@
 
 /// Voxels.
 const FIRST_DIAMETER: f32 = 0.75;
+/// Where the first sample is taken, voxels along the cone.
+const FIRST_SAMPLE: f32 = -0.75;
 /// More than any cone takes, whatever rounding does.
 const MAX_STEPS: u32 = 256u;
-/// Light that still comes through, of 1, below which a cone has ended.
-const CLOSED: f32 = 0.004;
-/// Cosine between a surface and a cone from which on it closes it as far as it covers it; below, in proportion.
-const FACED: f32 = 0.5;
+/// Part of a cone below which what is open is the error of the steps.
+const CLOSED: f32 = 0.06;
 
-// Premultiplied light and coverage of what faces a ray along one axis.
-fn seen(light: vec4<f32>, along: f32) -> vec4<f32> {
-    return light * min(abs(along) / FACED, 1.0);
+/// The surface that a cone leaves, in voxels.
+struct Start {
+    position: vec3<f32>,
+    normal: vec3<f32>,
 }
 
-// What a cone meets at a place: premultiplied light, coverage.
-fn sample_volume(place: vec3<f32>, direction: vec3<f32>, level: f32) -> vec4<f32> {
-    let width = f32(2u * volume.dims.x + volume.gap);
-    let size = vec3<f32>(width, vec2<f32>(volume.dims.yz));
+// How much of what faces against each axis of the direction is not the surface's own other side, at that height over it in
+// texels.
+fn not_own(start: Start, direction: vec3<f32>, height: f32) -> vec3<f32> {
+    let looks_down = clamp(2.0 * start.normal * sign(direction), vec3<f32>(0.0), vec3<f32>(1.0));
+    return 1.0 - looks_down * (1.0 - clamp(2.0 * height - 1.0, 0.0, 1.0));
+}
+
+// What a cone meets on a step at a place: light times coverage, coverage.
+fn sample_volume(place: vec3<f32>, start: Start, direction: vec3<f32>, level: f32, step: f32) -> vec4<f32> {
+    let size = vec3<f32>(f32(2u * volume.dims.x + volume.gap), vec2<f32>(volume.dims.yz));
     let other = f32(volume.dims.x + volume.gap);
     // A surface that faces up an axis is seen by what goes down it.
     let halves = select(vec3<f32>(0.0), vec3<f32>(other), direction > vec3<f32>(0.0));
-    let x = seen(textureSampleLevel(light_x, light_sampler, (place + vec3<f32>(halves.x, 0.0, 0.0)) / size, level), direction.x);
-    let y = seen(textureSampleLevel(light_y, light_sampler, (place + vec3<f32>(halves.y, 0.0, 0.0)) / size, level), direction.y);
-    let z = seen(textureSampleLevel(light_z, light_sampler, (place + vec3<f32>(halves.z, 0.0, 0.0)) / size, level), direction.z);
-    let sum = x + y + z;
-    let coverage = 1.0 - (1.0 - x.a) * (1.0 - y.a) * (1.0 - z.a);
-    return vec4<f32>(sum.rgb * (coverage / max(sum.a, 1e-6)), coverage);
+    // Outside, the outermost texels go on.
+    let margin = 0.5 * exp2(ceil(level));
+    let within = clamp(place, vec3<f32>(margin), vec3<f32>(volume.dims) - margin);
+    let x = textureSampleLevel(light_x, light_sampler, (within + vec3<f32>(halves.x, 0.0, 0.0)) / size, level);
+    let y = textureSampleLevel(light_y, light_sampler, (within + vec3<f32>(halves.y, 0.0, 0.0)) / size, level);
+    let z = textureSampleLevel(light_z, light_sampler, (within + vec3<f32>(halves.z, 0.0, 0.0)) / size, level);
+    // Width of the filter between two levels.
+    let texel = exp2(floor(level)) * (1.0 + fract(level));
+    let height = dot(start.normal, place - start.position) / texel;
+    let along = abs(direction) * not_own(start, direction, height) * (step / texel);
+    return x * along.x + y * along.y + z * along.z;
 }
 
-/// Light along a cone from a place in voxels, and how much of it ended on a surface. `spread`: diameter over distance.
-fn march_cone(origin: vec3<f32>, direction: vec3<f32>, spread: f32) -> vec4<f32> {
+/// Light along a cone, and how much of it ended on a surface. `lift`: voxels by which it begins above the surface; `spread`:
+/// diameter over distance.
+fn march_cone(start: Start, lift: f32, direction: vec3<f32>, spread: f32) -> vec4<f32> {
     let end = vec3<f32>(grid.dims);
+    let origin = start.position + start.normal * lift;
     let growth = 1.0 + 0.5 * spread;
     let level_step = log2(growth);
     var diameter = FIRST_DIAMETER;
-    var level = log2(diameter);
-    var distance = 0.25 * diameter;
+    var level = log2(diameter) - 1.0;
+    var distance = FIRST_SAMPLE;
     var light = vec3<f32>(0.0);
     var open = 1.0;
     for (var i = 0u; i < MAX_STEPS && open > CLOSED; i++) {
         let place = origin + direction * distance;
-        if any(place < vec3<f32>(0.0)) || any(place > end) {
+        // The outermost surfaces reach half a texel beyond the grid.
+        let outside = max(-place, place - end);
+        if distance > 0.0 && max(outside.x, max(outside.y, outside.z)) > 0.5 * max(diameter, 1.0) {
             break;
         }
-        let met = sample_volume(place, direction, clamp(level, 0.0, f32(volume.last_level)));
-        light += open * met.rgb;
-        open *= 1.0 - met.a;
-        distance += 0.5 * diameter;
-        diameter *= growth;
-        level += level_step;
+        let step = 0.5 * diameter;
+        let met = sample_volume(place, start, direction, clamp(level, 0.0, f32(volume.last_level)), step);
+        let taken = min(met.a, open);
+        light += met.rgb * (taken / max(met.a, 1e-6));
+        open -= taken;
+        distance += step;
+        if distance > 0.0 {
+            diameter *= growth;
+            level += level_step;
+        }
     }
-    // What is closed but for a rounding error has the colour of what closes it.
     if open <= CLOSED {
         light /= 1.0 - open;
         open = 0.0;

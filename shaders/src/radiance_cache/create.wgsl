@@ -7,7 +7,7 @@
 //
 // Cost: a cone and 256 weights a thread; 4 KiB of the atlas and 8 KiB of workgroup memory a cache.
 
-#import bevy_bounce::radiance_cache::cone::{grid, march_cone}
+#import bevy_bounce::radiance_cache::cone::{grid, march_cone, Start}
 #import bevy_bounce::radiance_cache::hemisphere::{square_to_hemisphere, from_cache}
 #import bevy_bounce::radiance_cache::lobes::lobe_weight
 #import bevy_bounce::radiance_cache::types::{
@@ -52,8 +52,8 @@ fn create(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     }
     let cache = caches[index];
     let direction = texel_direction(lane, CACHE_EDGE);
-    let origin = (cache.position - grid.origin) / grid.voxel_size + cache.normal * LIFT;
-    let light = march_cone(origin, from_cache(cache.normal, direction), SPREAD);
+    let start = Start((cache.position - grid.origin) / grid.voxel_size, cache.normal);
+    let light = march_cone(start, LIFT, from_cache(cache.normal, direction), SPREAD);
     radiance[lane] = light;
     directions[lane] = direction;
     let corner = cache_corner(index);

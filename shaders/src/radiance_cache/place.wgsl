@@ -4,7 +4,7 @@
 // box along that normal: (n_p . n_c + (p - c) . n_c) / (1 + d), with lengths in halves of the box's diagonal, so that the choice does not
 // depend on the unit of length. Of equal pixels the one that is first on the screen is taken.
 //
-// The cache lights twice as far as its farthest pixel, and at least across two tiles.
+// The cache lights `reach` times as far as its farthest pixel, and at least across as many tiles.
 //
 // Cost: a workgroup a cluster; each pixel is read three times.
 
@@ -142,7 +142,7 @@ fn place(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
     let extent = farthest(first, end, surface.position, lane);
     if lane == 0u {
         let across = f32(parameters.tile) * surface.footprint;
-        let radius = 2.0 * max(extent, across);
+        let radius = parameters.reach * max(extent, across);
         let at = (pixel % parameters.size.x) | (pixel / parameters.size.x << 16u);
         caches[cluster] = RadianceCache(surface.position, max(radius, 1e-20), surface.normal, at);
     }

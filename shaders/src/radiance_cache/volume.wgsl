@@ -1,9 +1,9 @@
 // The finest level of the light volume: what the cells send, and how much of a voxel's face they cover.
 //
 // A texel is written for every voxel and facing, dark and clear where nothing is: radiance times coverage, relative to the
-// scene's unit, and coverage. A plane that crosses a column of voxels slantwise divides itself between two of them; coverage
-// is therefore twice the projected area, so that one of the two is closed. Further bounces are the mean over the 4x4 cells of
-// the same facing around, which have all sixteen subsets of the virtual lights.
+// scene's unit, and coverage. Coverage is the area projected onto the voxel's face: that of a closed surface, added up along
+// a column of voxels, is one, however it lies. A slanted cell covers faces of two or three axes. Further bounces are the mean over the 4x4
+// cells of the same facing around, which have all sixteen subsets of the virtual lights.
 //
 // Cost: one thread a voxel; for each of its cells sixteen voxels and a cell's words of those that are filled.
 
@@ -64,29 +64,23 @@ fn further_light(voxel: vec3<i32>, facing: u32, normal: vec3<f32>) -> vec3<f32> 
     return sum.rgb / max(sum.w, 1.0);
 }
 
-fn shine(voxel: vec3<i32>, word: u32, facing: u32) -> vec4<f32> {
-    if (voxel_facings(word) & (1u << facing)) == 0u {
-        return vec4<f32>(0.0);
-    }
-    let index = cell_index(word, facing);
-    let cell = cells[index];
-    let area = cell_area(cell);
-    if area <= 0.0 {
-        return vec4<f32>(0.0);
-    }
-    let normal = decode_unit(cell.normal);
-    let albedo = unpack4x8unorm(cell.albedo).rgb;
+// Light that a cell sends, cd/m^2.
+fn radiance_of(voxel: vec3<i32>, facing: u32, index: u32, normal: vec3<f32>, area: f32) -> vec3<f32> {
     var light = irradiance[2u * index].rgb;
     if volume.further != 0u {
         light += further_light(voxel, facing, normal);
     }
-    var radiance = albedo * light / PI;
+    var radiance = unpack4x8unorm(cells[index].albedo).rgb * light / PI;
     if scene.emissive_chunk_count > 0u {
         let sums = vec3<u32>(emission_sums[3u * index], emission_sums[3u * index + 1u], emission_sums[3u * index + 2u]);
         radiance += min(vec3<f32>(sums) / (area * AREA_ONE), vec3<f32>(1.0)) * scene.max_emission;
     }
-    let coverage = min(2.0 * area * abs(normal[facing / 2u]), 1.0);
-    return vec4<f32>(min(radiance / unit[0], vec3<f32>(6e4)) * coverage, coverage);
+    return min(radiance / unit[0], vec3<f32>(6e4));
+}
+
+// Covers no more than all of a face.
+fn closed(sum: vec4<f32>) -> vec4<f32> {
+    return sum / max(sum.a, 1.0);
 }
 
 @compute @workgroup_size(4, 4, 4)
@@ -96,11 +90,30 @@ fn fill(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let voxel = vec3<i32>(id);
     let word = word_at(voxel);
+    // By axis: what faces up it, what faces down.
+    var up = array<vec4<f32>, 3>();
+    var down = array<vec4<f32>, 3>();
+    var facings = voxel_facings(word);
+    while facings != 0u {
+        let facing = firstTrailingBit(facings);
+        facings &= facings - 1u;
+        let index = cell_index(word, facing);
+        let area = cell_area(cells[index]);
+        if area <= 0.0 {
+            continue;
+        }
+        let normal = decode_unit(cells[index].normal);
+        let light = vec4<f32>(radiance_of(voxel, facing, index, normal, area), 1.0) * area;
+        for (var axis = 0; axis < 3; axis++) {
+            up[axis] += light * max(normal[axis], 0.0);
+            down[axis] += light * max(-normal[axis], 0.0);
+        }
+    }
     let other = voxel + vec3<i32>(i32(volume.dims.x + volume.gap), 0, 0);
-    textureStore(level_x, voxel, shine(voxel, word, 0u));
-    textureStore(level_x, other, shine(voxel, word, 1u));
-    textureStore(level_y, voxel, shine(voxel, word, 2u));
-    textureStore(level_y, other, shine(voxel, word, 3u));
-    textureStore(level_z, voxel, shine(voxel, word, 4u));
-    textureStore(level_z, other, shine(voxel, word, 5u));
+    textureStore(level_x, voxel, closed(up[0]));
+    textureStore(level_x, other, closed(down[0]));
+    textureStore(level_y, voxel, closed(up[1]));
+    textureStore(level_y, other, closed(down[1]));
+    textureStore(level_z, voxel, closed(up[2]));
+    textureStore(level_z, other, closed(down[2]));
 }

@@ -31,9 +31,10 @@ fn variants(source: &str) -> Vec<Vec<ShaderDefVal>> {
 
 #[test]
 fn variants_are_found() {
-    let accumulate: ShaderDefVal = "ACCUMULATE".into();
+    let [accumulate, emission]: [ShaderDefVal; 2] = ["ACCUMULATE".into(), "EMISSION".into()];
     let source = bevy_bounce_shaders::shader("avg/voxelize.wgsl").expect("there is such a shader").source;
-    assert_eq!(variants(source), [vec![], vec![accumulate]]);
+    let both = vec![accumulate.clone(), emission.clone()];
+    assert_eq!(variants(source), [vec![], vec![accumulate], vec![emission], both]);
 }
 
 #[test]

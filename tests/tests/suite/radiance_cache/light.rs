@@ -52,9 +52,9 @@ fn directions_of_a_cache_are_even() {
     let mean = |f: &dyn Fn(&Vec3) -> f32| directions.iter().map(f).sum::<f32>() / 4096.0;
     assert!((mean(&|d| d.z) - 0.5).abs() < 1e-3 && (mean(&|d| d.z * d.z) - 1.0 / 3.0).abs() < 1e-3);
     assert!(mean(&|d| d.x).abs() < 1e-4 && mean(&|d| d.x * d.y).abs() < 1e-4);
-    // Every octant of the azimuth has its share at every height.
+    // Every octant of the azimuth has its share. Octants are turned, for on their own edges there are texels.
     for octant in 0..8 {
-        let within = |d: &&Vec3| ((d.y.atan2(d.x) / (PI / 4.0)).floor() as i32 + 8) % 8 == octant && d.z > 0.5;
+        let within = |d: &&Vec3| ((d.y.atan2(d.x) / (PI / 4.0) + 0.5).floor() as i32 + 8) % 8 == octant && d.z > 0.5;
         let count = directions.iter().filter(within).count();
         assert!((count as f32 / 256.0 - 1.0).abs() < 0.05, "{count} of 256 in octant {octant}");
     }
@@ -256,7 +256,7 @@ fn cells_have_the_light_of_lamps_and_their_own() {
         let center = grid.origin + (voxel.as_vec3() + 0.5) * grid.voxel_size;
         let way = position - center.with_y(0.0);
         let expected = color * (0.5 / PI / 0.5 * way.y / way.length().powi(3));
-        assert_eq!(texel.w, 1.0, "the floor is closed at {x} {z}");
+        assert!(texel.w > 0.99, "the floor is closed at {x} {z}: {texel}");
         // The lamp throws a shadow, too.
         let behind_lamp = x < -0.8 && z < -0.8;
         if x < -0.3 && !behind_lamp {

@@ -149,7 +149,7 @@ fn glossy_light_stands_beside_virtual_lights() {
     let glossy = with(RadianceCacheSettings { glossy: true, ..default() });
     stage.light_by(illumination(glossy));
     let with = stage.settled_picture();
-    let ball = |picture: &Picture| picture.mean_of(36..42, 16..22)[1];
+    let ball = |picture: &Picture| picture.mean_of(35..39, 17..21)[1];
     assert!(ball(&without) < 1e-3 * without.mean_luminance(), "metal is lit without glossy light: {}", ball(&without));
     assert!(ball(&with) > 0.2 * with.mean_luminance(), "{} of {}", ball(&with), with.mean_luminance());
     let wall = |picture: &Picture| picture.mean_of(14..20, 4..30)[0];
