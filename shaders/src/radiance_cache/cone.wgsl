@@ -12,8 +12,8 @@
 // edges grow and closed walls leak.
 //
 // A filtered surface reaches a texel to both sides. A cone therefore starts a little before its place, so that it meets the whole
-// of what is near; and what looks down on the surface that it leaves counts only from half a texel above it, for a thin
-// wall's other side is that near. For the same reason a cone goes on for half a texel beyond the grid.
+// of what is near; and what looks down on the surface that it leaves counts only from one and a half texels above
+// it, for a thin wall's other side reaches that far. For the same reason a cone goes on for half a texel beyond the grid.
 //
 // Cost: three filtered loads a step, some forty steps across a grid of 64^3.
 
@@ -38,6 +38,10 @@ const MAX_STEPS: u32 = 256u;
 /// Part of a cone below which what is open is the error of the steps.
 const CLOSED: f32 = 0.06;
 
+/// Texels of the coarser level over a surface to which its own other side reaches: half a texel from the surface to the middle of its texel, and one
+/// from there.
+const OWN_REACH: f32 = 1.5;
+
 /// The surface that a cone leaves, in voxels.
 struct Start {
     position: vec3<f32>,
@@ -48,7 +52,7 @@ struct Start {
 // texels.
 fn not_own(start: Start, direction: vec3<f32>, height: f32) -> vec3<f32> {
     let looks_down = clamp(2.0 * start.normal * sign(direction), vec3<f32>(0.0), vec3<f32>(1.0));
-    return 1.0 - looks_down * (1.0 - clamp(2.0 * height - 1.0, 0.0, 1.0));
+    return 1.0 - looks_down * (1.0 - clamp(4.0 * (height - OWN_REACH), 0.0, 1.0));
 }
 
 // What a cone meets on a step at a place: light times coverage, coverage.
@@ -65,7 +69,7 @@ fn sample_volume(place: vec3<f32>, start: Start, direction: vec3<f32>, level: f3
     let z = textureSampleLevel(light_z, light_sampler, (within + vec3<f32>(halves.z, 0.0, 0.0)) / size, level);
     // Width of the filter between two levels.
     let texel = exp2(floor(level)) * (1.0 + fract(level));
-    let height = dot(start.normal, place - start.position) / texel;
+    let height = dot(start.normal, place - start.position) / exp2(ceil(level));
     let along = abs(direction) * not_own(start, direction, height) * (step / texel);
     return x * along.x + y * along.y + z * along.z;
 }
