@@ -575,4 +575,12 @@ pub struct RadianceCache {
     pub normal: Vec3,
     /// Its pixel: x, and y in the upper half.
     pub pixel: u32,
+    /// How much it counts, for how many pixels it stands: 1 from a quarter of a tile on.
+    pub share: f32,
+    /// Keeps rows of 16 bytes.
+    pub padding_a: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_b: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_c: u32,
 }

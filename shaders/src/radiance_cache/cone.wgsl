@@ -42,6 +42,9 @@ const CLOSED: f32 = 0.06;
 /// from there.
 const OWN_REACH: f32 = 1.5;
 
+/// Voxels along a cone within which the other side of a surface aslant may be met.
+const OWN_LENGTH: f32 = 4.0;
+
 /// The surface that a cone leaves, in voxels.
 struct Start {
     position: vec3<f32>,
@@ -49,14 +52,16 @@ struct Start {
 }
 
 // How much of what faces against each axis of the direction is not the surface's own other side, at that height over it in
-// texels.
-fn not_own(start: Start, direction: vec3<f32>, height: f32) -> vec3<f32> {
+// texels. A surface along the grid goes on as far as the cone follows it, one aslant ends or bends.
+fn not_own(start: Start, direction: vec3<f32>, height: f32, distance: f32) -> vec3<f32> {
     let looks_down = clamp(2.0 * start.normal * sign(direction), vec3<f32>(0.0), vec3<f32>(1.0));
-    return 1.0 - looks_down * (1.0 - clamp(4.0 * (height - OWN_REACH), 0.0, 1.0));
+    let goes_on = smoothstep(vec3<f32>(0.8), vec3<f32>(0.95), abs(start.normal));
+    let own = looks_down * max(goes_on, vec3<f32>(clamp(2.0 - distance / OWN_LENGTH, 0.0, 1.0)));
+    return 1.0 - own * (1.0 - clamp(4.0 * (height - OWN_REACH), 0.0, 1.0));
 }
 
 // What a cone meets on a step at a place: light times coverage, coverage.
-fn sample_volume(place: vec3<f32>, start: Start, direction: vec3<f32>, level: f32, step: f32) -> vec4<f32> {
+fn sample_volume(place: vec3<f32>, start: Start, direction: vec3<f32>, distance: f32, level: f32, step: f32) -> vec4<f32> {
     let size = vec3<f32>(f32(2u * volume.dims.x + volume.gap), vec2<f32>(volume.dims.yz));
     let other = f32(volume.dims.x + volume.gap);
     // A surface that faces up an axis is seen by what goes down it.
@@ -70,7 +75,7 @@ fn sample_volume(place: vec3<f32>, start: Start, direction: vec3<f32>, level: f3
     // Width of the filter between two levels.
     let texel = exp2(floor(level)) * (1.0 + fract(level));
     let height = dot(start.normal, place - start.position) / exp2(ceil(level));
-    let along = abs(direction) * not_own(start, direction, height) * (step / texel);
+    let along = abs(direction) * not_own(start, direction, height, distance) * (step / texel);
     return x * along.x + y * along.y + z * along.z;
 }
 
@@ -94,7 +99,7 @@ fn march_cone(start: Start, lift: f32, direction: vec3<f32>, spread: f32) -> vec
             break;
         }
         let step = 0.5 * diameter;
-        let met = sample_volume(place, start, direction, clamp(level, 0.0, f32(volume.last_level)), step);
+        let met = sample_volume(place, start, direction, distance, clamp(level, 0.0, f32(volume.last_level)), step);
         let taken = min(met.a, open);
         light += met.rgb * (taken / max(met.a, 1e-6));
         open -= taken;

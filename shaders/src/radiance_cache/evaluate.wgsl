@@ -1,7 +1,8 @@
 // Light of each pixel from the caches of the tiles around. Rehfeld, Zirr and Dachsbacher 2014, 3.3.
 //
-// A cache counts by the smaller of its weights in space and on the screen, times how far it faces as the pixel does. The last
-// factor never is zero: the cache of a pixel's own cluster is always within both radii, so that every pixel has light.
+// A cache counts by the smaller of its weights in space and on the screen, times how far it faces as the pixel does and for how many
+// pixels it stands. None of that is zero for the cache of a pixel's own cluster, which is always within both radii: every pixel has
+// light.
 //
 // Cost: some fifty caches a pixel, of which about fifteen are near; twelve filtered loads each.
 
@@ -57,7 +58,7 @@ fn add_cache(lit: ptr<function, Lit>, index: u32, surface: Surface, pixel: vec2<
     let cache = caches[index];
     let on_screen = (pixel - vec2<f32>(vec2<u32>(cache.pixel & 0xffffu, cache.pixel >> 16u))) / (parameters.reach * f32(parameters.tile));
     let in_space = (surface.position - cache.position) / cache.radius;
-    let near = min(1.0 - dot(on_screen, on_screen), 1.0 - dot(in_space, in_space));
+    let near = cache.share * min(1.0 - dot(on_screen, on_screen), 1.0 - dot(in_space, in_space));
     if near <= 0.0 {
         return;
     }

@@ -4,6 +4,9 @@
 // box along that normal: (n_p . n_c + (p - c) . n_c) / (1 + d), with lengths in halves of the box's diagonal, so that the choice does not
 // depend on the unit of length. Of equal pixels the one that is first on the screen is taken.
 //
+// A cache counts by its pixels up to a quarter of a tile, so that one whose cluster comes into a tile or leaves it comes and goes
+// by degrees.
+//
 // The cache lights `reach` times as far as its farthest pixel, and at least across as many tiles.
 //
 // Cost: a workgroup a cluster; each pixel is read three times.
@@ -144,6 +147,7 @@ fn place(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_inde
         let across = f32(parameters.tile) * surface.footprint;
         let radius = parameters.reach * max(extent, across);
         let at = (pixel % parameters.size.x) | (pixel / parameters.size.x << 16u);
-        caches[cluster] = RadianceCache(surface.position, max(radius, 1e-20), surface.normal, at);
+        let share = min(f32(end - first) * 4.0 / f32(parameters.tile * parameters.tile), 1.0);
+        caches[cluster] = RadianceCache(surface.position, max(radius, 1e-20), surface.normal, at, share, 0u, 0u, 0u);
     }
 }

@@ -46,6 +46,10 @@ struct RadianceCache {
     radius: f32,
     normal: vec3<f32>,
     pixel: u32,
+    share: f32,
+    padding_a: u32,
+    padding_b: u32,
+    padding_c: u32,
 }
 
 /// First texel of what a cache takes of the atlas.

@@ -17,7 +17,7 @@ use crate::sort::SortBuffers;
 use crate::view::{GiView, ViewTextures};
 
 /// The edge of a tile is a multiple of this, pixels.
-const TILE_STEP: u32 = 8;
+const TILE_STEP: u32 = 4;
 /// Most slices of depth in a doubling of the distance.
 const MOST_SLICES: u32 = 32;
 /// Pixels a workgroup of the prefix sum takes.

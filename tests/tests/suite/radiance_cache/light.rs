@@ -69,7 +69,7 @@ fn create(dims: u32, volume: [&[Vec4]; 3], normals: &[Vec3]) -> Resources {
         position: Vec3::splat(0.5 * dims as f32 + 0.1),
         normal: *normal,
         radius: 1.0,
-        pixel: 0,
+        ..Default::default()
     };
     let caches: Vec<_> = normals.iter().map(cache).collect();
     let atlas = [CACHES_A_ROW * CACHE_WIDTH, CACHE_HEIGHT, 1];

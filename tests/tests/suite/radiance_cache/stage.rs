@@ -186,11 +186,14 @@ fn a_sealed_room_stays_dark() {
 /// A twentieth of a pixel a frame: hardly anything changes from frame to frame.
 #[test]
 fn a_creeping_camera_is_calm() {
-    let mut stage = cornell(SMALL);
+    let size = UVec2::new(160, 90);
+    let mut stage = Stage::with_run(run(size, Some(cached(SMALL))), |app| {
+        app.add_plugins(CornellPlugin);
+    });
     let camera = stage.only::<Camera3d>();
     let place = *stage.world().get::<Transform>(camera).expect("has a place");
     // A pixel of the back wall, ten metres away.
-    let pixel = 10.4 * 2.0 * (0.65_f32 / 2.0).tan() / SIZE.y as f32;
+    let pixel = 10.4 * 2.0 * (0.65_f32 / 2.0).tan() / size.y as f32;
     let scale = 0.5 / stage.picture().mean_luminance() as f32;
     let shown = |picture: &Picture| -> Vec<f32> {
         picture.pixels.as_flattened().iter().map(|c| linear_to_srgb((c * scale).clamp(0.0, 1.0)) * 255.0).collect()
