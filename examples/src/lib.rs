@@ -46,11 +46,7 @@ pub fn launch(name: &'static str, scene: impl FnOnce(&mut App)) -> ExitCode {
 }
 
 /// The same, with what the example chooses where the command line does not.
-pub fn launch_with(
-    name: &'static str,
-    choose: impl FnOnce(&mut Options),
-    scene: impl FnOnce(&mut App),
-) -> ExitCode {
+pub fn launch_with(name: &'static str, choose: impl FnOnce(&mut Options), scene: impl FnOnce(&mut App)) -> ExitCode {
     error::exit(name, || {
         let mut cli: Cli = options::parse(name)?;
         choose(&mut cli.options);

@@ -72,9 +72,9 @@ fn vpls(run: &Run) -> u32 {
 /// Radiance caches of each view in the last frame: how many, clusters merged for want of room, pixels, pixels without one.
 fn caches(app: &mut App) -> Vec<Value> {
     let counts = app.get_sub_app_mut(RenderApp).map(|render| cache_counts(render.world_mut())).unwrap_or_default();
-    let counts = counts.into_iter().map(|c| {
-        json!({ "caches": c.caches, "merged": c.merged, "pixels": c.pixels, "missing": c.missing })
-    });
+    let counts = counts
+        .into_iter()
+        .map(|c| json!({ "caches": c.caches, "merged": c.merged, "pixels": c.pixels, "missing": c.missing }));
     counts.collect()
 }
 

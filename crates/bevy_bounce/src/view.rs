@@ -127,9 +127,14 @@ pub(crate) fn main_pass_size(
 pub(crate) fn prepare_view_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
-    views: Query<
-        (Entity, &GiView, &ExtractedCamera, &ExtractedView, Option<&MainPassResolutionOverride>, Option<&ViewTextures>),
-    >,
+    views: Query<(
+        Entity,
+        &GiView,
+        &ExtractedCamera,
+        &ExtractedView,
+        Option<&MainPassResolutionOverride>,
+        Option<&ViewTextures>,
+    )>,
 ) {
     let limit = device.limits().max_texture_dimension_2d;
     for (entity, gi, camera, view, resolution_override, textures) in &views {

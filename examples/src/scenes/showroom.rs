@@ -106,7 +106,11 @@ fn car(build: &mut Builder) {
     }
     for side in [-1.0, 1.0] {
         build.place(Sphere::new(0.11), Transform::from_xyz(-1.98, 0.56, 0.62 * side), &chrome);
-        build.place(Sphere::new(0.1), Transform::from_xyz(-0.6, 0.95, 0.98 * side).with_scale(Vec3::new(0.6, 0.7, 1.0)), &chrome);
+        build.place(
+            Sphere::new(0.1),
+            Transform::from_xyz(-0.6, 0.95, 0.98 * side).with_scale(Vec3::new(0.6, 0.7, 1.0)),
+            &chrome,
+        );
     }
 }
 

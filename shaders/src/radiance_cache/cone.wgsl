@@ -1,6 +1,7 @@
 // Cones through the light volume. Rehfeld, Zirr and Dachsbacher 2014, 3.1 and 4, "Cone-marching"; Crassin et al. 2011.
 //
 // A cone starts with a diameter of 3/4 of a voxel; a step is half the diameter, and the level is the one whose texels are as
+// wide as a step: a surface's filtered coverage then still adds up to one, and light is told from shadow better than where texels are as
 // wide as the cone. Both grow by the same factor a step, so that the level's logarithm grows by a constant.
 //
 // The six facings of a texel are apart: a cone sees what faces it, so that a surface does not shade itself and light on one

@@ -85,8 +85,7 @@ impl Groups {
         ];
         let fill: Vec<_> = fill.into_iter().chain(views(light.levels.first()?)).collect();
         let reduce = |levels: &[[TextureView; 3]]| {
-            let bindings: Vec<_> =
-                std::iter::once(volume.clone()).chain(levels.iter().flat_map(views)).collect();
+            let bindings: Vec<_> = std::iter::once(volume.clone()).chain(levels.iter().flat_map(views)).collect();
             p.reduce.bind(device, cache, &bindings)
         };
         Some(Self {

@@ -135,8 +135,7 @@ pub(super) fn light_pixels(
     });
     let Some(groups) = Groups::new(&p, held, &textures.surface, &view_uniform, &device, &cache) else { return };
     let Some(volume) = bind_volume(&p, &grid, &light, &device, &cache) else { return };
-    let create =
-        p.create.bind(&device, &cache, &[whole(&held.counters), whole(&held.caches), texture(&held.atlas)]);
+    let create = p.create.bind(&device, &cache, &[whole(&held.counters), whole(&held.caches), texture(&held.atlas)]);
     let diffuse = gi.technique == Technique::RadianceCache;
     let evaluate = p.evaluate(diffuse);
     let bindings = [

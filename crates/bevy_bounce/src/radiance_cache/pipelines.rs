@@ -68,7 +68,8 @@ pub(super) fn bind_volume(
     cache: &PipelineCache,
 ) -> Option<BindGroup> {
     let [x, y, z] = light.light.each_ref().map(|view| BindingResource::TextureView(view));
-    let resources = [grid.uniform.binding()?, light.parameters.binding()?, x, y, z, BindingResource::Sampler(&p.sampler)];
+    let resources =
+        [grid.uniform.binding()?, light.parameters.binding()?, x, y, z, BindingResource::Sampler(&p.sampler)];
     Some(bind_group(device, cache, &volume_layout(), &resources))
 }
 
@@ -125,8 +126,7 @@ pub(super) fn init_cache_pipelines(
     // View, parameters, surface; counters, pairs, starts; caches.
     let place = [uniform, uniform, words, read, read, read, write];
     // View, parameters, surface, G-buffer; atlas and sampler; unit, caches, ranges; counters; glossy and diffuse light.
-    let evaluate =
-        [uniform, uniform, words, words, light, filtering, read, read, read, write, output, output];
+    let evaluate = [uniform, uniform, words, words, light, filtering, read, read, read, write, output, output];
     let frames = [uniform, words, write];
     let keys = [uniform, words, read, write, write];
     let evaluation = |bindings: &[_], defs| kernel("radiance_cache/evaluate.wgsl", "evaluate", bindings, &[], defs);

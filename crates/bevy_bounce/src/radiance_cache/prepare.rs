@@ -1,6 +1,7 @@
 //! Buffers and parameters of a view's caches.
 
 use bevy::prelude::*;
+use bevy::render::render_resource::ShaderType;
 use bevy::render::render_resource::{
     Buffer, BufferDescriptor, BufferUsages, Extent3d, Texture, TextureDescriptor, TextureDimension, TextureFormat,
     TextureUsages, TextureView, TextureViewDescriptor, UniformBuffer,
@@ -11,7 +12,6 @@ use bevy_bounce_shaders::types::{
     CACHE_HEIGHT, CACHE_WIDTH, CACHES_A_ROW, CLUSTER_FACING_BITS, CLUSTER_SLICE_BITS, CacheCounters, CacheGrid,
     RadianceCache,
 };
-use bevy::render::render_resource::ShaderType;
 
 use crate::sort::SortBuffers;
 use crate::view::{GiView, ViewTextures};

@@ -82,11 +82,7 @@ impl VoxelLight {
             })
         });
         let level = |texture: &Texture, level| {
-            texture.create_view(&TextureViewDescriptor {
-                base_mip_level: level,
-                mip_level_count: Some(1),
-                ..default()
-            })
+            texture.create_view(&TextureViewDescriptor { base_mip_level: level, mip_level_count: Some(1), ..default() })
         };
         let [places, irradiance, emission] = CELL_BYTES.map(|bytes| u64::from(cells.max(1)) * bytes);
         Self {

@@ -213,7 +213,12 @@ pub(super) fn upload_scene(
         light_power: lights.power,
         chunk_count: instances.chunks.values().len() as u32,
         emissive_chunk_count: instances.emissive_chunks.values().len() as u32,
-        max_emission: materials.table.values().iter().map(|material| material.emissive.max_element()).fold(0.0, f32::max),
+        max_emission: materials
+            .table
+            .values()
+            .iter()
+            .map(|material| material.emissive.max_element())
+            .fold(0.0, f32::max),
         padding: 0,
     };
     if *buffers.uniform.get() != scene || buffers.uniform.buffer().is_none() {

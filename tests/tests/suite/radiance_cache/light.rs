@@ -41,7 +41,8 @@ fn directions_of_a_cache_are_even() {
     let kernel = gpu().kernel(&compose_source(MAP, "map.wgsl", &[]).expect("composes"), "map").expect("compiles");
     gpu().dispatch(&kernel, &resources, [64, 1, 1]).expect("runs");
     let read = |name| resources.read_floats(name).expect("reads back");
-    let directions: Vec<Vec3> = read("directions").as_chunks::<4>().0.iter().map(|v| Vec3::new(v[0], v[1], v[2])).collect();
+    let directions: Vec<Vec3> =
+        read("directions").as_chunks::<4>().0.iter().map(|v| Vec3::new(v[0], v[1], v[2])).collect();
     let back: Vec<Vec2> = read("back").as_chunks::<2>().0.iter().map(|v| Vec2::from_array(*v)).collect();
     for (i, (direction, back)) in directions.iter().zip(&back).enumerate() {
         let square = (Vec2::new((i % 64) as f32, (i / 64) as f32) + 0.5) / 64.0;
@@ -132,11 +133,8 @@ fn lobe_weight(level: usize, cosine: f32) -> f32 {
 /// Twin of `square_to_hemisphere`, at the middle of a texel.
 fn direction(texel: usize, edge: u32) -> Vec3 {
     let p = (Vec2::new((texel as u32 % edge) as f32, (texel as u32 / edge) as f32) + 0.5) / edge as f32 * 2.0 - 1.0;
-    let (radius, angle) = if p.y.abs() > p.x.abs() {
-        (p.y, PI / 2.0 - PI / 4.0 * p.x / p.y)
-    } else {
-        (p.x, PI / 4.0 * p.y / p.x)
-    };
+    let (radius, angle) =
+        if p.y.abs() > p.x.abs() { (p.y, PI / 2.0 - PI / 4.0 * p.x / p.y) } else { (p.x, PI / 4.0 * p.y / p.x) };
     let scale = radius * (2.0 - radius * radius).sqrt();
     Vec3::new(angle.cos() * scale, angle.sin() * scale, 1.0 - radius * radius)
 }
@@ -150,7 +148,8 @@ fn levels_are_convolved_as_their_twin() {
     let atlas = texels(&create(8, [x, y, z], &[Vec3::Y, Vec3::new(0.6, -0.8, 0.0)]), "atlas");
     for cache in 0..2 {
         let levels = levels(&atlas, cache);
-        let spread = levels[0].iter().map(|v| v.x).fold(0.0, f32::max) - levels[0].iter().map(|v| v.x).fold(9.0, f32::min);
+        let spread =
+            levels[0].iter().map(|v| v.x).fold(0.0, f32::max) - levels[0].iter().map(|v| v.x).fold(9.0, f32::min);
         assert!(spread > 0.05, "there is nothing to convolve: {spread}");
         for (level, values) in levels.iter().enumerate().skip(1) {
             for (texel, value) in values.iter().enumerate() {
@@ -198,7 +197,8 @@ fn a_coarser_level_keeps_surfaces_closed() {
             let place = |p: UVec3| ((p.z * size.y + p.y) * size.x + p.x) as usize;
             let sum: Vec4 = (0..8).map(|c| finer[place(corner(c))]).sum();
             let coverage = (sum.w / 4.0).min(1.0);
-            let expected = if sum.w > 0.0 { (sum * (coverage / sum.w)).truncate().extend(coverage) } else { Vec4::ZERO };
+            let expected =
+                if sum.w > 0.0 { (sum * (coverage / sum.w)).truncate().extend(coverage) } else { Vec4::ZERO };
             assert!((expected - *value).abs().max_element() < 5e-3, "{name} {at}: {value}, expected {expected}");
         }
     }
