@@ -42,8 +42,14 @@ struct Cli {
 ///
 /// `scene` adds the systems that spawn a camera, lights and meshes.
 pub fn launch(name: &'static str, scene: impl FnOnce(&mut App)) -> ExitCode {
+    launch_with(name, |_| {}, scene)
+}
+
+/// The same, with what the example chooses where the command line does not.
+pub fn launch_with(name: &'static str, choose: impl FnOnce(&mut Options), scene: impl FnOnce(&mut App)) -> ExitCode {
     error::exit(name, || {
-        let cli: Cli = options::parse(name)?;
+        let mut cli: Cli = options::parse(name)?;
+        choose(&mut cli.options);
         let run = cli.options.check()?;
         if cli.options.technique == TechniqueOption::Cssm {
             return Err(Error::Usage("--technique cssm: nothing is baked here; try the viewer".into()));

@@ -64,15 +64,21 @@ pub struct Options {
     /// How baked visibility is looked up
     #[arg(long, value_enum)]
     pub cssm_filter: Option<FilterOption>,
+    /// Radiance caches at two million pixels, over the quality's
+    #[arg(long, value_name = "N")]
+    pub caches: Option<u32>,
+    /// Tiles around a pixel from which it gathers radiance caches, over the quality's
+    #[arg(long, value_name = "X")]
+    pub cache_reach: Option<f32>,
     /// Bounced light alone, before compensation, after it, or what it adds; instead of --isolate
     #[arg(long, value_enum, conflicts_with = "isolate")]
     pub show: Option<ShowOption>,
     /// History between frames
     #[arg(long, value_enum, default_value_t = Switch::Off)]
     pub temporal: Switch,
-    /// Glossy indirect light
-    #[arg(long, value_enum, default_value_t = Switch::Off)]
-    pub glossy: Switch,
+    /// Glossy indirect light beside virtual point lights [default: off, or as the example has it]
+    #[arg(long, value_enum)]
+    pub glossy: Option<Switch>,
     /// Animation time of the capture, reached by fixed steps from 0: in --frames equal steps, or 60 a second
     #[arg(long, value_name = "SECONDS", allow_negative_numbers = true, value_parser = parse_seconds)]
     pub time: Option<f64>,

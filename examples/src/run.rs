@@ -76,10 +76,8 @@ impl Options {
 
     fn reject_unbuilt(&self) -> Result<(), Error> {
         let unbuilt = [
-            (self.technique == TechniqueOption::RadianceCache, "--technique radiance-cache; try vpl"),
             (self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try atlas"),
             (self.temporal == Switch::On, "--temporal on"),
-            (self.glossy == Switch::On, "--glossy on"),
             (self.sky.is_some(), "--sky"),
         ];
         unbuilt.into_iter().find(|(asked, _)| *asked).map_or(Ok(()), |(_, what)| Err(Error::NotBuilt(what)))
@@ -128,7 +126,11 @@ impl Options {
             Some(FilterOption::Pixels) => CssmFilter::Pixels,
             None => settings.cssm.filter,
         };
+        settings.radiance_cache.glossy = self.glossy == Some(Switch::On);
+        settings.radiance_cache.caches = self.caches.unwrap_or(settings.radiance_cache.caches);
+        settings.radiance_cache.reach = self.cache_reach.unwrap_or(settings.radiance_cache.reach);
         let technique = match self.technique {
+            TechniqueOption::RadianceCache => Technique::RadianceCache,
             TechniqueOption::Cssm => Technique::SurfaceRadiosity,
             _ => Technique::InstantRadiosity,
         };

@@ -66,7 +66,8 @@ impl Plugin for StageClockPlugin {
                     world(Some("scene")).after(GiSystems::Scene).before(GiSystems::Voxelize),
                     world(Some("voxelize")).after(GiSystems::Voxelize).before(GiSystems::VplTrace),
                     world(Some("vpl_trace")).after(GiSystems::VplTrace).before(GiSystems::ShadowAtlas),
-                    world(Some("shadow_atlas")).after(GiSystems::ShadowAtlas),
+                    world(Some("shadow_atlas")).after(GiSystems::ShadowAtlas).before(GiSystems::VoxelLight),
+                    world(Some("voxel_light")).after(GiSystems::VoxelLight),
                 ),
             )
             .add_systems(

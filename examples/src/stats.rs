@@ -10,6 +10,7 @@ use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy::render::renderer::RenderAdapterInfo;
 use bevy_bounce::gpu_memory;
+use bevy_bounce::radiance_cache::cache_counts;
 use serde_json::{Value, json};
 
 use crate::stage_clock::StageClock;
@@ -29,6 +30,7 @@ pub fn write(app: &mut App, run: &Run, times: &[Duration], path: &Path) -> Resul
         "size": [run.size.x, run.size.y],
         "triangles": triangles(app),
         "vpls": vpls(run),
+        "caches": caches(app),
         "gpu_bytes": bytes,
         "gpu_bytes_by": bytes_by,
         "frames": times.len(),
@@ -65,6 +67,15 @@ fn triangles(app: &mut App) -> usize {
 /// Virtual point lights a frame.
 fn vpls(run: &Run) -> u32 {
     run.illumination.as_ref().map_or(0, |illumination| illumination.quality.settings().vpls)
+}
+
+/// Radiance caches of each view in the last frame: how many, clusters merged for want of room, pixels, pixels without one.
+fn caches(app: &mut App) -> Vec<Value> {
+    let counts = app.get_sub_app_mut(RenderApp).map(|render| cache_counts(render.world_mut())).unwrap_or_default();
+    let counts = counts
+        .into_iter()
+        .map(|c| json!({ "caches": c.caches, "merged": c.merged, "pixels": c.pixels, "missing": c.missing }));
+    counts.collect()
 }
 
 /// What the plugins hold on the GPU: the sum, and by name.

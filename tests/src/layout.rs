@@ -58,6 +58,10 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         CssmGather,
         CssmLevel,
         CssmSurface,
+        LightVolume,
+        CacheGrid,
+        CacheCounters,
+        RadianceCache,
     ];
     let fields = struct_fields(TYPES);
     let mut layouts = BTreeMap::new();

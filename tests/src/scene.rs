@@ -114,6 +114,7 @@ impl TestScene {
             light_power: power,
             chunk_count: chunks.len() as u32,
             emissive_chunk_count: emissive.len() as u32,
+            max_emission: self.materials.iter().map(|material| material.emissive.max_element()).fold(0.0, f32::max),
             ..Default::default()
         };
         let emitters = vec![Emitter::default(); (emissive.len() * CHUNK_TRIANGLES as usize).max(1)];

@@ -6,8 +6,8 @@ use std::time::Duration;
 use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy_bounce::{
-    CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, Resolution, SsbcSettings, Technique,
-    VplVisibility,
+    CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, Resolution, SsbcSettings,
+    Technique, VplVisibility,
 };
 use bevy_bounce_examples::capture::{self, CaptureScene, Targets};
 use bevy_bounce_examples::{Run, app, headless};
@@ -26,6 +26,7 @@ pub const SMALL: GiSettings = GiSettings {
     resolution: Resolution::Full,
     ssbc: SsbcSettings::OFF,
     cssm: CssmSettings::DEFAULT,
+    radiance_cache: RadianceCacheSettings::DEFAULT,
 };
 
 /// Global illumination with those settings.

@@ -6,6 +6,7 @@ use bevy::prelude::*;
 
 use crate::avg::VoxelGrid;
 use crate::cssm::Baked;
+use crate::radiance_cache::{CacheBuffers, VoxelLight};
 use crate::scene::SceneBuffers;
 use crate::shadow_atlas::ShadowAtlas;
 use crate::ssbc::SsbcTextures;
@@ -19,13 +20,16 @@ use crate::vpl::VplBuffers;
 pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let mut views = render_world.query::<&ViewTextures>();
     let mut compensated = render_world.query::<&SsbcTextures>();
+    let mut cached = render_world.query::<&CacheBuffers>();
     let items = render_world.get_resource::<SceneBuffers>().map(SceneBuffers::bytes).into_iter().flatten();
     let items = items.chain(render_world.get_resource::<VoxelGrid>().map(VoxelGrid::bytes).into_iter().flatten());
     let items = items.chain(render_world.get_resource::<VplBuffers>().map(VplBuffers::bytes).into_iter().flatten());
     let items = items.chain(render_world.get_resource::<ShadowAtlas>().map(ShadowAtlas::bytes).into_iter().flatten());
     let items = items.chain(render_world.get_resource::<Baked>().map(Baked::bytes).into_iter().flatten());
+    let items = items.chain(render_world.get_resource::<VoxelLight>().map(VoxelLight::bytes).into_iter().flatten());
     let items = items.chain(views.iter(render_world).flat_map(ViewTextures::bytes));
     let items = items.chain(compensated.iter(render_world).flat_map(SsbcTextures::bytes));
+    let items = items.chain(cached.iter(render_world).flat_map(CacheBuffers::bytes));
     let mut memory = BTreeMap::new();
     for (name, bytes) in items {
         *memory.entry(name).or_default() += bytes;

@@ -8,8 +8,8 @@ use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
 use crate::settings::{GiWorldSettings, extract_world_settings};
 use crate::{
-    AvgPlugin, CssmPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, ShadowAtlasPlugin, SsbcPlugin,
-    VplPlugin,
+    AvgPlugin, CssmPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, RadianceCachePlugin,
+    ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
 };
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.
@@ -22,6 +22,7 @@ use crate::{
 /// | [`ShadowAtlasPlugin`] | what virtual point lights see | they see by rays through the grid |
 /// | [`InterleavedShadingPlugin`] | indirect light per pixel | nothing bounces |
 /// | [`SsbcPlugin`] | gives back what bounding took from the indirect light | corners are darker |
+/// | [`RadianceCachePlugin`] | glossy light; `Technique::RadianceCache` | neither |
 /// | [`CssmPlugin`] | light from baked objects | `Technique::SurfaceRadiosity` bounces nothing |
 /// | [`GiComposePlugin`] | into the picture | Bevy's own picture |
 #[derive(Default)]
@@ -38,6 +39,7 @@ impl PluginGroup for GlobalIlluminationPlugins {
             .add(ShadowAtlasPlugin)
             .add(InterleavedShadingPlugin)
             .add(SsbcPlugin)
+            .add(RadianceCachePlugin)
             .add(CssmPlugin)
             .add(GiComposePlugin)
     }
@@ -61,6 +63,8 @@ pub enum GiSystems {
     VplTrace,
     /// Their shadow maps are drawn.
     ShadowAtlas,
+    /// The voxels are lit, and their light is filtered.
+    VoxelLight,
     /// Texels of baked objects are lit.
     Cssm,
 }
@@ -77,7 +81,14 @@ pub(crate) fn configure_stages(render_app: &mut SubApp) {
         )
         .configure_sets(
             RenderGraph,
-            (GiSystems::Scene, GiSystems::Voxelize, GiSystems::VplTrace, GiSystems::ShadowAtlas, GiSystems::Cssm)
+            (
+                GiSystems::Scene,
+                GiSystems::Voxelize,
+                GiSystems::VplTrace,
+                GiSystems::ShadowAtlas,
+                GiSystems::VoxelLight,
+                GiSystems::Cssm,
+            )
                 .chain()
                 .in_set(RenderGraphSystems::Render)
                 .before(camera_driver),

@@ -5,7 +5,7 @@ use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
 
 use crate::compute::MAX_WORKGROUPS;
-use crate::{CssmSettings, SsbcSettings};
+use crate::{CssmSettings, RadianceCacheSettings, SsbcSettings};
 
 /// Lights what this camera sees with bounced light, computed afresh every frame.
 ///
@@ -28,6 +28,9 @@ pub enum Technique {
     /// Virtual point lights traced through the voxel grid. Keller 1997, Bashford-Rogers et al. 2012.
     #[default]
     InstantRadiosity,
+    /// Caches of incident light on what the camera sees, filled by cones through the lit voxel grid: diffuse and glossy.
+    /// Rehfeld et al. 2014.
+    RadianceCache,
     /// Radiosity between the texels of a baked object, see [`CssmObject`](crate::CssmObject). Ritschel et al. 2008.
     SurfaceRadiosity,
 }
@@ -52,7 +55,7 @@ pub enum Quality {
 #[derive(Reflect, Clone, Copy, Debug, PartialEq)]
 pub struct GiSettings {
     /// Edge of the voxel grid, in voxels: the budget is `grid`^3, spread over the scene's bounds in cubic voxels.
-    /// 8 to 256. Memory and the cost of voxelisation grow with its cube.
+    /// 8 to 256; 128 at most where radiance caches are used. Memory and the cost of voxelisation grow with its cube.
     pub grid: u32,
     /// Virtual point lights, 16 to 65536. Each pixel is lit by a sixteenth of them; cost is proportional.
     pub vpls: u32,
@@ -74,6 +77,8 @@ pub struct GiSettings {
     pub ssbc: SsbcSettings,
     /// Gathering from baked objects.
     pub cssm: CssmSettings,
+    /// Caches of incident light: glossy light beside virtual point lights, and all of [`Technique::RadianceCache`].
+    pub radiance_cache: RadianceCacheSettings,
 }
 
 /// Pixels at which something is computed.
@@ -100,7 +105,48 @@ impl Resolution {
 /// Virtual lights times triangles that are drawn into their shadow maps, at most.
 const OCCLUSION_BUDGET: u32 = 1 << 24;
 
+/// Largest edge of a grid whose voxels are lit, voxels: their light takes 115 MiB.
+const MAX_LIT_GRID: u32 = 128;
+
+impl Technique {
+    /// Whether it needs the voxel grid.
+    fn uses_grid(self) -> bool {
+        matches!(self, Self::InstantRadiosity | Self::RadianceCache)
+    }
+}
+
+impl GlobalIllumination {
+    /// Settings of this camera alone, within their ranges.
+    pub(crate) fn settings(&self) -> GiSettings {
+        let mut settings = self.quality.settings();
+        if self.technique != Technique::InstantRadiosity {
+            settings.ssbc = SsbcSettings::OFF;
+            settings.radiance_cache.glossy = self.technique == Technique::RadianceCache;
+        }
+        settings
+    }
+
+    /// What it asks of the world stages.
+    fn world_settings(&self) -> GiSettings {
+        let mut settings = self.settings();
+        if self.technique == Technique::RadianceCache {
+            settings.visibility = VplVisibility::None;
+            // Pixels see the voxels that virtual lights light: a bounce of its own.
+            settings.bounces -= 1;
+        }
+        if settings.lights_grid() {
+            settings.grid = settings.grid.min(MAX_LIT_GRID);
+        }
+        settings
+    }
+}
+
 impl GiSettings {
+    /// Whether the voxels are lit.
+    pub(crate) fn lights_grid(&self) -> bool {
+        self.radiance_cache.glossy
+    }
+
     /// Triangles that cast shadows, at most: levels of detail are chosen accordingly. One dispatch places them, a workgroup a
     /// mesh or more.
     pub(crate) fn occluders(&self) -> u32 {
@@ -144,6 +190,7 @@ impl Quality {
             resolution,
             ssbc: SsbcSettings { iterations, ..default() },
             cssm: CssmSettings { error, ..default() },
+            radiance_cache: RadianceCacheSettings::DEFAULT,
         };
         match *self {
             Quality::Low => preset(32, 256, 24, Resolution::Half, 1, 32.0),
@@ -160,6 +207,7 @@ impl Quality {
                 resolution: custom.resolution,
                 ssbc: custom.ssbc.clamped(),
                 cssm: custom.cssm.clamped(),
+                radiance_cache: custom.radiance_cache.clamped(),
             },
         }
     }
@@ -176,10 +224,10 @@ pub(crate) fn extract_world_settings(
 ) {
     world.0 = cameras
         .iter()
-        .filter(|(gi, camera)| camera.is_active && gi.technique == Technique::InstantRadiosity)
-        .map(|(gi, _)| gi.quality.settings())
+        .filter(|(gi, camera)| camera.is_active && gi.technique.uses_grid())
+        .map(|(gi, _)| gi.world_settings())
         .reduce(|a, b| GiSettings {
-            grid: a.grid.max(b.grid),
+            grid: a.grid.max(b.grid).min(if a.lights_grid() || b.lights_grid() { MAX_LIT_GRID } else { u32::MAX }),
             vpls: a.vpls.max(b.vpls),
             bounces: a.bounces.max(b.bounces),
             visibility: a.visibility.max(b.visibility),
@@ -188,5 +236,6 @@ pub(crate) fn extract_world_settings(
             resolution: a.resolution,
             ssbc: a.ssbc,
             cssm: a.cssm,
+            radiance_cache: a.radiance_cache.more(b.radiance_cache),
         });
 }

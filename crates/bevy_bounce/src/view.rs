@@ -6,10 +6,11 @@
 //! | `direct` | rgba16float | direct light; alpha 1 where a surface is lit |
 //! | `direct_diffuse` | rgba16float | its diffuse part |
 //! | `indirect` | rgba16float | irradiance of bounced light over pi |
-//! | `interleaved` | rgba16float | the same, half filtered; then what pixels send, for bias compensation |
+//! | `glossy` | rgba16float | bounced light convolved with the lobe of the pixel's roughness; where it is asked for |
+//! | `interleaved` | rgba16float | bounced light, half filtered; then what pixels send, for bias compensation |
 //!
-//! Light is pre-exposed: cd/m^2 times the view's exposure. `direct` and `indirect` are the two layers of one array, so that
-//! the composing pass needs one binding for both: Bevy's view bindings leave no more of the 16 that WebGPU guarantees.
+//! Light is pre-exposed: cd/m^2 times the view's exposure. `direct`, `indirect` and `glossy` are the layers of one array, so that
+//! the composing pass needs one binding for all: Bevy's view bindings leave no more of the 16 that WebGPU guarantees.
 
 use bevy::camera::MainPassResolutionOverride;
 use bevy::prelude::*;
@@ -49,13 +50,15 @@ pub(crate) struct ViewTextures {
     pub indirect: TextureView,
     /// Bounced light, half filtered; then what pixels send.
     pub interleaved: TextureView,
-    /// `direct` and `indirect` as layers of an array.
+    /// Glossy bounced light, where the view asks for it.
+    pub glossy: Option<TextureView>,
+    /// `direct`, `indirect` and `glossy` as layers of an array.
     pub light: TextureView,
     textures: [Texture; 4],
 }
 
 impl ViewTextures {
-    fn new(device: &RenderDevice, size: UVec2) -> Self {
+    fn new(device: &RenderDevice, size: UVec2, glossy: bool) -> Self {
         let texture = |label, format, layers, usage| {
             device.create_texture(&TextureDescriptor {
                 label: Some(label),
@@ -71,7 +74,7 @@ impl ViewTextures {
         let half = TextureFormat::Rgba16Float;
         let (storage, target) = (TextureUsages::STORAGE_BINDING, TextureUsages::RENDER_ATTACHMENT);
         let surface = texture("bounce_surface", TextureFormat::Rg32Uint, 1, storage);
-        let light = texture("bounce_light", half, 2, storage | target);
+        let light = texture("bounce_light", half, if glossy { 3 } else { 2 }, storage | target);
         let direct_diffuse = texture("bounce_direct_diffuse", half, 1, target);
         let interleaved = texture("bounce_interleaved", half, 1, storage);
         let layer = |layer| {
@@ -90,6 +93,7 @@ impl ViewTextures {
             direct_diffuse: whole(&direct_diffuse),
             indirect: layer(1),
             interleaved: whole(&interleaved),
+            glossy: glossy.then(|| layer(2)),
             light: light
                 .create_view(&TextureViewDescriptor { dimension: Some(TextureViewDimension::D2Array), ..default() }),
             textures: [surface, light, direct_diffuse, interleaved],
@@ -98,7 +102,7 @@ impl ViewTextures {
 
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> [(&'static str, u64); 4] {
-        let names = ["view: surface", "view: direct and indirect", "view: direct diffuse", "view: interleaved"];
+        let names = ["view: surface", "view: direct, indirect and glossy", "view: direct diffuse", "view: interleaved"];
         std::array::from_fn(|i| {
             let texture = &self.textures[i];
             let texels = u64::from(self.size.x) * u64::from(self.size.y) * u64::from(texture.depth_or_array_layers());
@@ -123,19 +127,24 @@ pub(crate) fn main_pass_size(
 pub(crate) fn prepare_view_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
-    views: Query<
-        (Entity, &ExtractedCamera, &ExtractedView, Option<&MainPassResolutionOverride>, Option<&ViewTextures>),
-        With<GiView>,
-    >,
+    views: Query<(
+        Entity,
+        &GiView,
+        &ExtractedCamera,
+        &ExtractedView,
+        Option<&MainPassResolutionOverride>,
+        Option<&ViewTextures>,
+    )>,
 ) {
     let limit = device.limits().max_texture_dimension_2d;
-    for (entity, camera, view, resolution_override, textures) in &views {
+    for (entity, gi, camera, view, resolution_override, textures) in &views {
         let size = main_pass_size(camera, view, resolution_override).filter(|size| size.max_element() <= limit);
-        if size == textures.map(|textures| textures.size) {
+        let glossy = gi.settings.radiance_cache.glossy;
+        if size.map(|size| (size, glossy)) == textures.map(|textures| (textures.size, textures.glossy.is_some())) {
             continue;
         }
         match size {
-            Some(size) => commands.entity(entity).insert(ViewTextures::new(&device, size)),
+            Some(size) => commands.entity(entity).insert(ViewTextures::new(&device, size, glossy)),
             None => commands.entity(entity).remove::<ViewTextures>(),
         };
     }

@@ -6,6 +6,7 @@ mod buddha_box;
 mod build;
 mod cornell;
 mod office;
+mod showroom;
 mod u_room;
 
 pub use animal::AnimalPlugin;
@@ -13,4 +14,5 @@ pub use buddha_box::BuddhaBoxPlugin;
 pub use build::{Builder, Walls};
 pub use cornell::{Block, CornellBox, CornellPlugin, Panel, Surface};
 pub use office::OfficePlugin;
+pub use showroom::ShowroomPlugin;
 pub use u_room::URoomPlugin;

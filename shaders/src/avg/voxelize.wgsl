@@ -4,7 +4,8 @@
 // each of them a cell, the second (`ACCUMULATE`) adds to it the triangle's area within the voxel, and albedo, normal and
 // position weighted by it, and widens the bounds of what is there. Where the paper shifts vertices, steps through slices and enlarges small triangles, so that the
 // rasteriser leaves no hole, an exact triangle-box test (Akenine-Moeller 2001) finds every voxel touched. Sums are integers:
-// the order in which threads come does not show.
+// the order in which threads come does not show. With `EMISSION` the second run adds what shines, over the emissive
+// triangles alone: emitted light, as a part of the brightest in the scene, weighted by area.
 //
 // A thread takes a triangle; one whose box holds more than INLINE_VOXELS goes to the queue as bricks of 8^3 voxels, a
 // workgroup each. Where the queue is full the thread goes on by itself.
@@ -15,7 +16,7 @@
     Grid, voxel_index, voxel_facings, cell_index, facing_of, CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS,
 }
 #import bevy_bounce::shared::scene::{Chunk, Scene}
-#import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_albedo, is_masked_out}
+#import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_albedo, surface_emission, is_masked_out}
 
 @group(0) @binding(4) var<uniform> grid: Grid;
 @group(0) @binding(5) var<uniform> scene: Scene;
@@ -24,7 +25,12 @@
 @group(0) @binding(7) var<storage, read_write> queue: array<atomic<u32>>;
 #ifdef ACCUMULATE
 @group(0) @binding(8) var<storage, read> voxels: array<u32>;
+#ifdef EMISSION
+// Red, green, blue of each cell, fixed point: 1 is the brightest emission of the scene over one voxel face.
+@group(0) @binding(9) var<storage, read_write> emission_sums: array<atomic<u32>>;
+#else
 @group(0) @binding(9) var<storage, read_write> sums: array<atomic<i32>>;
+#endif
 #else
 @group(0) @binding(8) var<storage, read_write> voxels: array<atomic<u32>>;
 #endif
@@ -171,6 +177,15 @@ fn clip_to_voxel(t: Triangle, center: vec3<f32>) -> Part {
     return part;
 }
 
+#ifdef EMISSION
+fn add(cell: u32, part: Part, emission: vec3<f32>, normal: vec3<f32>) {
+    let weight = max(part.area * AREA_ONE, 1.0);
+    let e = vec3<u32>(round(clamp(emission / max(scene.max_emission, 1e-30), vec3<f32>(0.0), vec3<f32>(1.0)) * weight));
+    atomicAdd(&emission_sums[cell * 3u], e.x);
+    atomicAdd(&emission_sums[cell * 3u + 1u], e.y);
+    atomicAdd(&emission_sums[cell * 3u + 2u], e.z);
+}
+#else
 fn add(cell: u32, part: Part, albedo: vec3<f32>, normal: vec3<f32>) {
     let o = cell * SUM_WORDS;
     let weight = max(part.area * AREA_ONE, 1.0);
@@ -196,12 +211,13 @@ fn add(cell: u32, part: Part, albedo: vec3<f32>, normal: vec3<f32>) {
     atomicMax(&sums[o + 14u], high.y);
     atomicMax(&sums[o + 15u], high.z);
 }
+#endif
 
-fn add_side(voxel: vec3<i32>, part: Part, albedo: vec3<f32>, normal: vec3<f32>) {
+fn add_side(voxel: vec3<i32>, part: Part, color: vec3<f32>, normal: vec3<f32>) {
     let word = voxels[voxel_index(grid, voxel)];
     let facing = facing_of(normal);
     if (voxel_facings(word) & (1u << facing)) != 0u {
-        add(cell_index(word, facing), part, albedo, normal);
+        add(cell_index(word, facing), part, color, normal);
     }
 }
 #endif
@@ -217,9 +233,14 @@ fn visit(t: Triangle, voxel: vec3<i32>) {
     if is_masked_out(t, albedo.a) {
         return;
     }
-    add_side(voxel, part, albedo.rgb, t.normal);
+#ifdef EMISSION
+    let color = surface_emission(t, center + part.centroid);
+#else
+    let color = albedo.rgb;
+#endif
+    add_side(voxel, part, color, t.normal);
     if t.two_sided {
-        add_side(voxel, part, albedo.rgb, -t.normal);
+        add_side(voxel, part, color, -t.normal);
     }
 #else
     var facings = 1u << facing_of(t.normal);
@@ -288,7 +309,12 @@ fn enqueue_bricks(t: Triangle, instance: u32, triangle: u32, low: vec3<i32>, hig
 @compute @workgroup_size(64)
 fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let index = group.x + group.y * MAX_WORKGROUPS;
-    if index >= scene.chunk_count {
+#ifdef EMISSION
+    let count = scene.emissive_chunk_count;
+#else
+    let count = scene.chunk_count;
+#endif
+    if index >= count {
         return;
     }
     let chunk = chunks[index];

@@ -2,12 +2,15 @@
 
 #import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color, view_pixel}
 #import bevy_pbr::lighting
+#import bevy_pbr::mesh_view_bindings as view_bindings
+#import bevy_pbr::pbr_functions
 #import bevy_pbr::pbr_functions::main_pass_post_lighting_processing
 #import bevy_pbr::pbr_types::{PbrInput, STANDARD_MATERIAL_FLAGS_UNLIT_BIT}
 
 /// Bevy's `PbrDeferredLightingDepthId`: which deferred pixels are lit as standard materials.
 @group(2) @binding(0) var<uniform> lighting_pass_id: u32;
-/// Layer 0: direct light; layer 1: irradiance of bounced light over pi. Both pre-exposed.
+/// Layer 0: direct light; layer 1: irradiance of bounced light over pi; layer 2, where there is glossy light: bounced light
+/// convolved with the surface's lobe. All pre-exposed.
 @group(2) @binding(1) var light_texture: texture_2d_array<f32>;
 
 /// A triangle over the whole target, at the depth that stands for the lighting pass id (`DeferredLightingIdDepthTexture`).
@@ -17,11 +20,64 @@ fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
     return vec4<f32>(uv * vec2<f32>(2.0, -2.0) + vec2<f32>(-1.0, 1.0), f32(lighting_pass_id) / 255.0, 1.0);
 }
 
+#ifdef COMPOSE_GLOSSY
+/// What of bounced light the surface reflects: at once, after several bounces in its relief, and what is left for its diffuse
+/// colour. Fdez-Aguera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image-Based Lighting", as Bevy lights by environment maps.
+struct Reflected {
+    once: vec3<f32>,
+    often: vec3<f32>,
+    left: vec3<f32>,
+}
+
+fn reflected(f_zero: vec3<f32>, f_ab: vec2<f32>) -> Reflected {
+    // Bevy's: no material reflects less than two percent, and what says so is to reflect nothing.
+    let occlusion = saturate(dot(f_zero, vec3<f32>(50.0 * 0.33)));
+    let once = (f_zero * f_ab.x + f_ab.y) * occlusion;
+    let lost = 1.0 - (f_ab.x + f_ab.y);
+    let mean = f_zero + (1.0 - f_zero) / 21.0;
+    let often = once * mean / (1.0 - lost * mean) * lost;
+    return Reflected(once, often, 1.0 - (once + often));
+}
+
+/// What screen-space reflections leave to caches: they reflect the same light where they run, and fade out with roughness.
+fn left_by_screen_space(surface: PbrInput) -> f32 {
+#ifdef SCREEN_SPACE_REFLECTIONS
+    let settings = view_bindings::ssr_settings;
+    let roughness = surface.material.perceptual_roughness;
+    var fade = step(settings.min_perceptual_roughness, roughness);
+    if settings.min_perceptual_roughness < settings.min_perceptual_roughness_fully_active {
+        fade = smoothstep(settings.min_perceptual_roughness, settings.min_perceptual_roughness_fully_active, roughness);
+    }
+    if settings.max_perceptual_roughness_starts_to_fade >= settings.max_perceptual_roughness {
+        fade *= step(roughness, settings.max_perceptual_roughness);
+    } else {
+        fade *= 1.0 - smoothstep(settings.max_perceptual_roughness_starts_to_fade, settings.max_perceptual_roughness, roughness);
+    }
+    return 1.0 - fade;
+#else
+    return 1.0;
+#endif
+}
+
+/// Bounced light that the surface sends on.
+fn indirect_light(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
+    let irradiance = textureLoad(light_texture, pixel, 1, 0).rgb * surface.diffuse_occlusion;
+    let radiance = textureLoad(light_texture, pixel, 2, 0).rgb * (surface.specular_occlusion * left_by_screen_space(surface));
+    let material = surface.material;
+    let f_ab = lighting::F_AB(material.perceptual_roughness, max(dot(surface.N, surface.V), 0.0001));
+    let dielectric = reflected(pbr_functions::calculate_F0_dielectric(material.reflectance), f_ab);
+    let metallic = reflected(material.base_color.rgb, f_ab);
+    let once = mix(dielectric.once, metallic.once, material.metallic);
+    let often = mix(dielectric.often, metallic.often, material.metallic);
+    return once * radiance + (often + diffuse_color(surface) * dielectric.left) * irradiance;
+}
+#else
 /// Bounced light that the surface sends on.
 fn indirect_light(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
     let irradiance = textureLoad(light_texture, pixel, 1, 0).rgb;
     return irradiance * diffuse_color(surface) * surface.diffuse_occlusion;
 }
+#endif
 
 /// Emission as Bevy's deferred path shows it: without exposure, below the clearcoat.
 fn emitted_light(surface: PbrInput) -> vec3<f32> {

@@ -73,8 +73,8 @@ struct Scene {
     light_power: f32,
     chunk_count: u32,
     emissive_chunk_count: u32,
-    padding_a: u32,
-    padding_b: u32,
+    max_emission: f32,
+    padding: u32,
 }
 
 /// Where a mesh's UV falls in the material's textures.

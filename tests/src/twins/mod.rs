@@ -1,6 +1,7 @@
 //! CPU twins of the shaders: plain Rust on the same input, kept as close to the WGSL as the language allows, so that the
 //! two can be read side by side.
 
+pub mod clusters;
 pub mod cssm;
 pub mod grid;
 pub mod random;

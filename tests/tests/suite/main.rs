@@ -10,6 +10,7 @@ mod octahedral;
 mod paths;
 mod pictures;
 mod pipelines;
+mod radiance_cache;
 mod sampling;
 mod shaders;
 mod shadow_atlas;

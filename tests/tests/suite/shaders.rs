@@ -43,9 +43,10 @@ fn variants(source: &str) -> Vec<Vec<ShaderDefVal>> {
 
 #[test]
 fn variants_are_found() {
-    let accumulate: ShaderDefVal = "ACCUMULATE".into();
+    let [accumulate, emission]: [ShaderDefVal; 2] = ["ACCUMULATE".into(), "EMISSION".into()];
     let source = bevy_bounce_shaders::shader("avg/voxelize.wgsl").expect("there is such a shader").source;
-    assert_eq!(variants(source), [vec![], vec![accumulate]]);
+    let both = vec![accumulate.clone(), emission.clone()];
+    assert_eq!(variants(source), [vec![], vec![accumulate], vec![emission], both]);
     let shade = bevy_bounce_shaders::shader("interleaved/shade.wgsl").expect("there is such a shader").source;
     assert_eq!(variants(&with_imports(shade)).len(), 8, "what it imports has variants, too");
 }

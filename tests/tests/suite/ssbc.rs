@@ -27,20 +27,24 @@ const PARAMETERS: SsbcParameters = SsbcParameters { solid_angle: 0.08, edge_soli
 const NEAR: f32 = 0.1;
 
 /// A perspective view.
-struct Eye {
-    size: UVec2,
-    place: Transform,
-    clip_from_view: Mat4,
+pub struct Eye {
+    /// Pixels.
+    pub size: UVec2,
+    /// Where it is, and where it looks to.
+    pub place: Transform,
+    /// Its lens.
+    pub clip_from_view: Mat4,
 }
 
 /// A parallelogram or a ball.
-enum Shape {
+pub enum Shape {
     Panel([Vec3; 3]),
     Ball(Vec3, f32),
 }
 
 impl Eye {
-    fn new(size: UVec2, at: Vec3, target: Vec3, fov: f32) -> Self {
+    /// At a place, towards another; vertical field of view in radians.
+    pub fn new(size: UVec2, at: Vec3, target: Vec3, fov: f32) -> Self {
         let aspect = size.x as f32 / size.y as f32;
         let place = Transform::from_translation(at).looking_at(target, Vec3::Y);
         Self { size, place, clip_from_view: Mat4::perspective_infinite_reverse_rh(fov, aspect, NEAR) }
@@ -51,7 +55,7 @@ impl Eye {
     }
 
     /// Bevy's view uniform, as far as the shaders read it.
-    fn uniform(&self) -> Vec<u8> {
+    pub fn uniform(&self) -> Vec<u8> {
         let composed = compose("ssbc/gather.wgsl", &[]).unwrap_or_else(|error| panic!("{error}"));
         let layout = wgsl_layouts(&composed).remove("View").expect("is bound");
         let mut bytes = vec![0; layout.size as usize];
@@ -65,11 +69,12 @@ impl Eye {
         put("clip_from_view", &self.clip_from_view.to_cols_array());
         put("world_position", &self.place.translation.to_array());
         put("exposure", &[1.0]);
+        bytes.resize(bytes.len().next_multiple_of(16), 0);
         bytes
     }
 
     /// What it sees of the shapes, each of which sends that much.
-    fn look(&self, shapes: &[(Shape, Vec3)]) -> GBuffer {
+    pub fn look(&self, shapes: &[(Shape, Vec3)]) -> GBuffer {
         let lens = Lens::new(self.world_from_clip(), self.size);
         let clip_from_world = self.world_from_clip().inverse();
         let (eye, forward) = (self.place.translation, *self.place.forward());
@@ -127,7 +132,7 @@ fn panel(corner: [f32; 3], u: [f32; 3], v: [f32; 3]) -> Shape {
 }
 
 /// A room with a ball and a block that touch floor and wall; 4 m a side.
-fn room() -> Vec<(Shape, Vec3)> {
+pub fn room() -> Vec<(Shape, Vec3)> {
     let (white, red, blue) = (Vec3::new(1.0, 0.9, 0.8), Vec3::new(0.9, 0.2, 0.1), Vec3::new(0.1, 0.3, 0.8));
     vec![
         (panel([-2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0]), white),
@@ -273,10 +278,8 @@ fn a_pixel_sends_all_but_specular_light() {
     let deferred = [base, emission, 51 << 8 | 153 << 16, 0].repeat(16);
     let light = |value: f32| half_texels(&[Vec4::splat(value); 16]);
     let residual = [(256 | 256 << 9 | 256 << 18) | 16u32 << 27; 16];
-    let mut uniform = eye.uniform();
-    uniform.resize(uniform.len().next_multiple_of(16), 0);
     let resources = Resources::new(gpu())
-        .bytes("view", &uniform)
+        .bytes("view", &eye.uniform())
         .uniform("parameters", &PARAMETERS)
         .texture("surface_texture", TextureFormat::Rg32Uint, [4, 4, 1], false, bytemuck::cast_slice(&gbuffer.surface))
         .texture("residual_texture", TextureFormat::R32Uint, [4, 4, 1], false, bytemuck::cast_slice(&residual))

@@ -8,7 +8,7 @@ use bevy::render::sync_world::RenderEntity;
 
 use super::pipelines::ViewPipelines;
 use crate::view::{GiView, ViewTextures};
-use crate::{GiIsolate, GlobalIllumination, SsbcSettings, Technique};
+use crate::{GiIsolate, GlobalIllumination};
 
 /// Marks the views of cameras with bounced light, and takes everything from those that no longer have it.
 pub(super) fn extract_views(
@@ -22,10 +22,7 @@ pub(super) fn extract_views(
         if camera.is_active && illumination.is_active() {
             active.insert(entity);
             let technique = illumination.technique;
-            let mut settings = illumination.quality.settings();
-            if technique != Technique::InstantRadiosity {
-                settings.ssbc = SsbcSettings::OFF;
-            }
+            let settings = illumination.settings();
             let isolate = isolate.copied().unwrap_or_default();
             commands.entity(entity).insert(GiView { isolate, technique, settings });
         }

@@ -54,7 +54,7 @@ fn draw<'a>(
     pass.draw(0..3, 0..1);
 }
 
-/// Packs the G-buffer into `surface`, and clears `indirect`.
+/// Packs the G-buffer into `surface`, and clears `indirect` and `glossy`.
 pub(super) fn surface_pass(
     view: ViewQuery<
         (&ViewTextures, &ViewPrepassTextures, &ViewUniformOffset, &PassIdIndex),
@@ -90,11 +90,13 @@ pub(super) fn surface_pass(
     let span = diagnostics.time_span(ctx.command_encoder(), "bounce/gbuffer");
     let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE)).extend(1);
     pipelines.surface.dispatch(ctx.command_encoder(), &cache, &[&bind_group], tiles);
-    ctx.begin_tracked_render_pass(RenderPassDescriptor {
-        label: Some("bounce_clear_indirect"),
-        color_attachments: &[cleared(&textures.indirect)],
-        ..default()
-    });
+    for light in std::iter::once(&textures.indirect).chain(&textures.glossy) {
+        ctx.begin_tracked_render_pass(RenderPassDescriptor {
+            label: Some("bounce_clear_indirect"),
+            color_attachments: &[cleared(light)],
+            ..default()
+        });
+    }
     span.end(ctx.command_encoder());
 }
 

@@ -48,9 +48,14 @@ pub(super) enum Pass {
     Compose {
         /// With bounced light.
         indirect: bool,
+        /// Glossy bounced light, too.
+        glossy: bool,
     },
     /// Bounced light over the finished picture.
-    Isolate,
+    Isolate {
+        /// Glossy bounced light, too.
+        glossy: bool,
+    },
 }
 
 /// The pipelines of a view; there once they are compiled.
@@ -159,13 +164,16 @@ impl SpecializedRenderPipeline for ComposePipelines {
     fn specialize(&self, (key, pass): Self::Key) -> RenderPipelineDescriptor {
         let layout = self.mesh_pipeline.get_view_layout(key.into());
         let mut shader_defs = self.shader_defs(key, &layout);
-        if let Pass::Compose { indirect: true } = pass {
+        if let Pass::Compose { indirect: true, .. } = pass {
             shader_defs.push("COMPOSE_INDIRECT".into());
+        }
+        if let Pass::Compose { glossy: true, .. } | Pass::Isolate { glossy: true } = pass {
+            shader_defs.push("COMPOSE_GLOSSY".into());
         }
         let (label, shader, entry_point, group_layout) = match pass {
             Pass::Direct => ("bounce_direct", &self.direct_shader, "fragment", &self.direct_layout),
             Pass::Compose { .. } => ("bounce_compose", &self.compose_shader, "compose", &self.compose_layout),
-            Pass::Isolate => ("bounce_isolate", &self.compose_shader, "isolate_indirect", &self.compose_layout),
+            Pass::Isolate { .. } => ("bounce_isolate", &self.compose_shader, "isolate_indirect", &self.compose_layout),
         };
         let target = |format| Some(ColorTargetState { format, blend: None, write_mask: ColorWrites::ALL });
         let (vertex, targets, depth_stencil) = match pass {
@@ -182,7 +190,7 @@ impl SpecializedRenderPipeline for ComposePipelines {
                 };
                 (vertex, vec![target(key.target_format())], Some(lighting_pass_id_test()))
             }
-            Pass::Isolate => (self.fullscreen.to_vertex_state(), vec![target(key.target_format())], None),
+            Pass::Isolate { .. } => (self.fullscreen.to_vertex_state(), vec![target(key.target_format())], None),
         };
         RenderPipelineDescriptor {
             label: Some(label.into()),
@@ -230,11 +238,12 @@ pub(super) fn prepare_compose_pipelines(
             commands.entity(entity).remove::<(ViewPipelines, SkipDeferredLighting)>();
             continue;
         }
+        let glossy = gi.settings.radiance_cache.glossy;
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, (key, pass));
         let view_pipelines = ViewPipelines {
             direct: pipeline(Pass::Direct),
-            compose: pipeline(Pass::Compose { indirect: gi.isolate != GiIsolate::Direct }),
-            isolate: gi.isolate.is_bounced_light_alone().then(|| pipeline(Pass::Isolate)),
+            compose: pipeline(Pass::Compose { indirect: gi.isolate != GiIsolate::Direct, glossy }),
+            isolate: gi.isolate.is_bounced_light_alone().then(|| pipeline(Pass::Isolate { glossy })),
         };
         let ids = [Some(view_pipelines.direct), Some(view_pipelines.compose), view_pipelines.isolate];
         let state = |id: &CachedRenderPipelineId| cache.get_render_pipeline_state(*id);

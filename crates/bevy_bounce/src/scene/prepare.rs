@@ -213,8 +213,13 @@ pub(super) fn upload_scene(
         light_power: lights.power,
         chunk_count: instances.chunks.values().len() as u32,
         emissive_chunk_count: instances.emissive_chunks.values().len() as u32,
-        padding_a: 0,
-        padding_b: 0,
+        max_emission: materials
+            .table
+            .values()
+            .iter()
+            .map(|material| material.emissive.max_element())
+            .fold(0.0, f32::max),
+        padding: 0,
     };
     if *buffers.uniform.get() != scene || buffers.uniform.buffer().is_none() {
         buffers.uniform.set(scene);

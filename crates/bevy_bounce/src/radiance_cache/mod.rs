@@ -1,0 +1,97 @@
+//! Caches of incident light on what the camera sees: diffuse and glossy bounced light.
+//! Rehfeld, Zirr and Dachsbacher 2014, "Clustered Pre-convolved Radiance Caching".
+//!
+//! The voxels of the grid are lit, and their light is filtered into coarser and coarser levels. On the screen, pixels that lie and
+//! look alike are put together, and each cluster gets a cache: the light from all directions of a hemisphere, one cone through
+//! the levels for each of 16x16, then convolved with wider and wider lobes. Every pixel gathers from the caches around it, at
+//! the level of its roughness in the direction in which it reflects, and diffuse light in that of its normal.
+//!
+//! | kernel | for each | from | to |
+//! |---|---|---|---|
+//! | `emit_triangles`, `emit_bricks` | emissive triangle | scene | emission of the cells |
+//! | `list_places` | voxel | grid | where each cell is |
+//! | `light_cells` | cell | lights, virtual lights; rays through the grid | irradiance |
+//! | `fill`, `reduce` | voxel, level by level | the above | light and coverage by facing |
+//! | `choose_axes` | tile of the screen | normals | its three axes |
+//! | `write_keys`, sort, `count_differences` to `number_clusters` | pixel | tile, facing, slice of depth | clusters |
+//! | `place` | cluster | its pixels | a cache |
+//! | `create` | cache | the levels | its hemisphere, convolved |
+//! | `evaluate` | pixel | the caches around | glossy light; diffuse light |
+//!
+//! # Data
+//!
+//! | | bytes | holds |
+//! |---|---|---|
+//! | voxel light: cells | 48 a cell: 6 MiB at 64^3 | place, irradiance, emission |
+//! | voxel light: levels | 112 a voxel: 15 MiB at 64^3 | six facings, half floats, relative to the scene's mean light |
+//! | clusters | 16 a pixel, and counts | key and pixel, twice for the sort |
+//! | atlas | 4 KiB a cache: 16 MiB at 2 million pixels | 16x16 as it comes, 3 x 8x8 by roughness, 8x8 by cosine |
+//!
+//! # Where it differs from the paper
+//!
+//! Voxels have six facings, so that a surface does not shade itself and walls do not leak. Levels of a cache are convolved with
+//! their lobes instead of being means of four texels. All that decides about clusters is in whole numbers, and the score of a
+//! place does not depend on the unit of length. Where there is no room for a cache for every cluster, depth is sliced more
+//! coarsely, then facings are merged.
+//!
+//! # What it cannot know
+//!
+//! Light from outside of the grid, such as the sky, is not in the caches. A reflection is as sharp as a texel of a cache, ten degrees,
+//! at most, and as fine as a voxel. Clearcoat has no reflection from caches.
+
+mod counters;
+mod light;
+mod passes;
+mod pipelines;
+mod prepare;
+mod settings;
+mod volume;
+
+use bevy::core_pipeline::schedule::Core3d;
+use bevy::prelude::*;
+use bevy::render::renderer::RenderGraph;
+use bevy::render::{Render, RenderApp, RenderStartup};
+
+use crate::avg::prepare_grid;
+use crate::camera::device_is_adequate;
+use crate::compose::ViewPass;
+use crate::compute::load_shaders;
+use crate::plugins::{GiSystems, configure_stages};
+use crate::view::prepare_view_textures;
+
+pub use counters::{CacheCounts, cache_counts};
+pub(crate) use prepare::CacheBuffers;
+pub use settings::RadianceCacheSettings;
+pub(crate) use volume::VoxelLight;
+
+/// Caches incident light; see the [module](self).
+pub struct RadianceCachePlugin;
+
+impl Plugin for RadianceCachePlugin {
+    fn build(&self, app: &mut App) {
+        app.register_type::<RadianceCacheSettings>();
+    }
+
+    fn finish(&self, app: &mut App) {
+        if !device_is_adequate(app) {
+            return;
+        }
+        load_shaders(app);
+        let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
+        configure_stages(render_app);
+        render_app
+            .add_systems(
+                RenderStartup,
+                (pipelines::init_light_pipelines, pipelines::init_cache_pipelines, prepare::forget_caches),
+            )
+            .add_systems(
+                Render,
+                (
+                    volume::prepare_voxel_light.in_set(GiSystems::Prepare).after(prepare_grid),
+                    prepare::prepare_caches.in_set(GiSystems::Prepare).after(prepare_view_textures),
+                ),
+            )
+            .add_systems(RenderGraph, light::light_voxels.in_set(GiSystems::VoxelLight))
+            .add_systems(Core3d, passes::light_pixels.in_set(ViewPass::Shade));
+    }
+}

@@ -1,0 +1,171 @@
+//! Cluster, place, create, evaluate.
+
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::prelude::*;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_resource::{
+    BindGroup, BindingResource, BufferBinding, CommandEncoder, PipelineCache, ShaderType, TextureView,
+};
+use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
+use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+
+use super::pipelines::{CachePipelines, bind_volume};
+use super::prepare::{BLOCK_PIXELS, CacheBuffers};
+use super::volume::VoxelLight;
+use crate::Technique;
+use crate::avg::VoxelGrid;
+use crate::compute::{folded, whole};
+use crate::sort::SortPipelines;
+use crate::view::{GiView, ViewTextures};
+
+/// Threads of a workgroup over pixels.
+const GROUP: u32 = 64;
+/// Threads of a workgroup that compares neighbours.
+const WIDE_GROUP: u32 = 256;
+/// Edge of a workgroup over pixels.
+const TILE: u32 = 8;
+
+/// What the kernels that find caches bind.
+struct Groups {
+    axes: BindGroup,
+    keys: BindGroup,
+    clusters: BindGroup,
+    place: BindGroup,
+}
+
+fn texture(view: &TextureView) -> BindingResource<'_> {
+    BindingResource::TextureView(view)
+}
+
+impl Groups {
+    fn new(
+        p: &CachePipelines,
+        held: &CacheBuffers,
+        surface: &TextureView,
+        view: &BindingResource,
+        device: &RenderDevice,
+        cache: &PipelineCache,
+    ) -> Option<Self> {
+        let parameters = held.parameters.binding()?;
+        let sorted = whole(held.order.sorted(held.key_bits()));
+        let axes = [parameters.clone(), texture(surface), whole(&held.frames)];
+        let keys = [
+            parameters.clone(),
+            texture(surface),
+            whole(&held.frames),
+            whole(held.order.pairs()),
+            whole(&held.pair_count),
+        ];
+        let clusters = [
+            parameters.clone(),
+            sorted.clone(),
+            whole(&held.counters),
+            whole(&held.blocks),
+            whole(&held.starts),
+            whole(&held.ranges),
+        ];
+        let place = [
+            view.clone(),
+            parameters,
+            texture(surface),
+            whole(&held.counters),
+            sorted,
+            whole(&held.starts),
+            whole(&held.caches),
+        ];
+        Some(Self {
+            axes: p.choose_axes.bind(device, cache, &axes),
+            keys: p.write_keys.bind(device, cache, &keys),
+            clusters: p.count_blocks.bind(device, cache, &clusters),
+            place: p.place.bind(device, cache, &place),
+        })
+    }
+}
+
+/// Clusters of the pixels, and a cache for each.
+fn distribute(
+    p: &CachePipelines,
+    sort: &SortPipelines,
+    held: &CacheBuffers,
+    groups: &Groups,
+    device: &RenderDevice,
+    encoder: &mut CommandEncoder,
+    cache: &PipelineCache,
+) {
+    let parameters = held.parameters.get();
+    let pixels = parameters.size.element_product();
+    encoder.clear_buffer(&held.counters, 0, None);
+    encoder.clear_buffer(&held.ranges, 0, None);
+    p.choose_axes.dispatch(encoder, cache, &[&groups.axes], folded(parameters.tiles.element_product()));
+    p.write_keys.dispatch(encoder, cache, &[&groups.keys], folded(pixels.div_ceil(GROUP)));
+    sort.sort(device, encoder, cache, &held.order, &held.pair_count, held.key_bits());
+    let clusters = [&groups.clusters];
+    let blocks = folded(pixels.div_ceil(BLOCK_PIXELS));
+    p.count_differences.dispatch(encoder, cache, &clusters, folded(pixels.div_ceil(WIDE_GROUP)));
+    p.choose_coarseness.dispatch(encoder, cache, &clusters, UVec3::ONE);
+    p.count_blocks.dispatch(encoder, cache, &clusters, blocks);
+    p.scan_blocks.dispatch(encoder, cache, &clusters, UVec3::ONE);
+    p.number_clusters.dispatch(encoder, cache, &clusters, blocks);
+    p.place.dispatch(encoder, cache, &[&groups.place], folded(parameters.capacity));
+}
+
+/// Glossy light of a view from its caches, and diffuse light where they are its technique.
+pub(super) fn light_pixels(
+    view: ViewQuery<(&GiView, &ViewTextures, &CacheBuffers, &ViewPrepassTextures, &ViewUniformOffset)>,
+    pipelines: Option<Res<CachePipelines>>,
+    sort: Option<Res<SortPipelines>>,
+    light: Option<Res<VoxelLight>>,
+    grid: Option<Res<VoxelGrid>>,
+    view_uniforms: Res<ViewUniforms>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (gi, textures, held, prepass, offset) = view.into_inner();
+    let (Some(p), Some(sort), Some(light), Some(grid)) = (pipelines, sort, light, grid) else { return };
+    let (Some(view_buffer), Some(deferred), Some(glossy), Some(parameters)) =
+        (view_uniforms.uniforms.buffer(), prepass.deferred_view(), &textures.glossy, held.parameters.binding())
+    else {
+        return;
+    };
+    let device = ctx.render_device().clone();
+    let view_uniform = BindingResource::Buffer(BufferBinding {
+        buffer: view_buffer,
+        offset: offset.offset.into(),
+        size: Some(ViewUniform::min_size()),
+    });
+    let Some(groups) = Groups::new(&p, held, &textures.surface, &view_uniform, &device, &cache) else { return };
+    let Some(volume) = bind_volume(&p, &grid, &light, &device, &cache) else { return };
+    let create = p.create.bind(&device, &cache, &[whole(&held.counters), whole(&held.caches), texture(&held.atlas)]);
+    let diffuse = gi.technique == Technique::RadianceCache;
+    let evaluate = p.evaluate(diffuse);
+    let bindings = [
+        view_uniform,
+        parameters,
+        texture(&textures.surface),
+        texture(deferred),
+        texture(&held.atlas),
+        BindingResource::Sampler(&p.sampler),
+        whole(&light.unit),
+        whole(&held.caches),
+        whole(&held.ranges),
+        whole(&held.counters),
+        texture(glossy),
+        texture(&textures.indirect),
+    ];
+    let bindings = if diffuse { &bindings[..] } else { &bindings[..11] };
+    let evaluation = evaluate.bind(&device, &cache, bindings);
+
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = ctx.command_encoder();
+    let span = diagnostics.time_span(encoder, "bounce/cache_distribution");
+    distribute(&p, &sort, held, &groups, &device, encoder, &cache);
+    span.end(encoder);
+    let span = diagnostics.time_span(encoder, "bounce/cache_creation");
+    p.create.dispatch(encoder, &cache, &[&create, &volume], folded(held.parameters.get().capacity));
+    span.end(encoder);
+    let span = diagnostics.time_span(encoder, "bounce/cache_evaluation");
+    let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE));
+    evaluate.dispatch(encoder, &cache, &[&evaluation], tiles.extend(1));
+    span.end(encoder);
+}

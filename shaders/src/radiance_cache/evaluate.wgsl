@@ -1,0 +1,126 @@
+// Light of each pixel from the caches of the tiles around. Rehfeld, Zirr and Dachsbacher 2014, 3.3.
+//
+// A cache counts by the smaller of its weights in space and on the screen, times how far it faces as the pixel does and for how many
+// pixels it stands. None of that is zero for the cache of a pixel's own cluster, which is always within both radii: every pixel has
+// light.
+//
+// Cost: some fifty caches a pixel, of which about fifteen are near; twelve filtered loads each.
+
+#import bevy_render::view::View
+#import bevy_bounce::interleaved::surface::{Surface, unpack_surface}
+#import bevy_bounce::radiance_cache::hemisphere::{hemisphere_to_square, to_cache}
+#import bevy_bounce::radiance_cache::lobes::{dominant_direction, roughness_level, DIFFUSE_LEVEL}
+#import bevy_bounce::radiance_cache::types::{
+    CacheGrid, RadianceCache, CacheCounters, cache_corner, level_corner, CACHE_EDGE, CACHE_COARSE_EDGE,
+}
+
+@group(0) @binding(0) var<uniform> view: View;
+@group(0) @binding(1) var<uniform> parameters: CacheGrid;
+@group(0) @binding(2) var surface_texture: texture_2d<u32>;
+@group(0) @binding(3) var deferred_texture: texture_2d<u32>;
+@group(0) @binding(4) var atlas: texture_2d<f32>;
+@group(0) @binding(5) var atlas_sampler: sampler;
+@group(0) @binding(6) var<storage, read> unit: array<f32>;
+@group(0) @binding(7) var<storage, read> caches: array<RadianceCache>;
+// Of each tile, its first cache and the one after its last.
+@group(0) @binding(8) var<storage, read> ranges: array<vec2<u32>>;
+@group(0) @binding(9) var<storage, read_write> missing: array<atomic<u32>>;
+@group(0) @binding(10) var glossy: texture_storage_2d<rgba16float, write>;
+#ifdef DIFFUSE
+@group(0) @binding(11) var diffuse: texture_storage_2d<rgba16float, write>;
+#endif
+
+/// Where in the counters that of pixels without light is.
+const COUNTER_MISSING: u32 = 4u;
+/// What a cache that faces the other way counts, of one that faces as the pixel does.
+const LEAST_FACING: f32 = 1e-4;
+
+struct Lit {
+    diffuse: vec3<f32>,
+    diffuse_weight: f32,
+    glossy: vec3<f32>,
+    glossy_weight: f32,
+}
+
+// A level of a cache in a direction of its space.
+fn look(index: u32, level: u32, square: vec2<f32>) -> vec3<f32> {
+    let edge = f32(select(CACHE_COARSE_EDGE, CACHE_EDGE, level == 0u));
+    let corner = vec2<f32>(cache_corner(index) + level_corner(level));
+    let place = corner + clamp(square * edge, vec2<f32>(0.5), vec2<f32>(edge - 0.5));
+    return textureSampleLevel(atlas, atlas_sampler, place / vec2<f32>(textureDimensions(atlas)), 0.0).rgb;
+}
+
+fn fourth_power(x: f32) -> f32 {
+    return x * x * x * x;
+}
+
+fn add_cache(lit: ptr<function, Lit>, index: u32, surface: Surface, pixel: vec2<f32>, lobe: vec3<f32>, level: f32) {
+    let cache = caches[index];
+    let on_screen = (pixel - vec2<f32>(vec2<u32>(cache.pixel & 0xffffu, cache.pixel >> 16u))) / (parameters.reach * f32(parameters.tile));
+    let in_space = (surface.position - cache.position) / cache.radius;
+    let near = cache.share * min(1.0 - dot(on_screen, on_screen), 1.0 - dot(in_space, in_space));
+    if near <= 0.0 {
+        return;
+    }
+#ifdef DIFFUSE
+    let facing = max(dot(surface.normal, cache.normal), 0.0);
+    let weight = near * (fourth_power(facing) + LEAST_FACING);
+    let local = to_cache(cache.normal, surface.normal);
+    (*lit).diffuse += weight * look(index, DIFFUSE_LEVEL, hemisphere_to_square(local));
+    (*lit).diffuse_weight += weight;
+#endif
+    let toward = to_cache(cache.normal, lobe);
+    let square = hemisphere_to_square(toward);
+    let first = u32(level);
+    let light = mix(look(index, first, square), look(index, min(first + 1u, 3u), square), fract(level));
+    let glossy_weight = near * (max(toward.z, 0.0) * fourth_power(max(dot(surface.normal, cache.normal), 0.0)) + LEAST_FACING);
+    (*lit).glossy += glossy_weight * light;
+    (*lit).glossy_weight += glossy_weight;
+}
+
+fn gather(surface: Surface, pixel: vec2<f32>, roughness: f32) -> Lit {
+    let eye = view.world_position;
+    var incident = normalize(surface.position - eye);
+    if parameters.orthographic != 0u {
+        incident = -view.world_from_view[2].xyz;
+    }
+    let lobe = dominant_direction(surface.normal, reflect(incident, surface.normal), roughness * roughness);
+    let level = roughness_level(roughness);
+    var lit: Lit;
+    let radius = parameters.reach * f32(parameters.tile);
+    let tiles = vec2<f32>(parameters.tiles) - 1.0;
+    let first = vec2<u32>(clamp(floor((pixel - radius) / f32(parameters.tile)), vec2<f32>(0.0), tiles));
+    let last = vec2<u32>(clamp(floor((pixel + radius) / f32(parameters.tile)), vec2<f32>(0.0), tiles));
+    for (var y = first.y; y <= last.y; y++) {
+        for (var x = first.x; x <= last.x; x++) {
+            let range = ranges[y * parameters.tiles.x + x];
+            for (var i = range.x; i < range.y; i++) {
+                add_cache(&lit, i, surface, pixel, lobe, level);
+            }
+        }
+    }
+    return lit;
+}
+
+@compute @workgroup_size(8, 8)
+fn evaluate(@builtin(global_invocation_id) id: vec3<u32>) {
+    if any(id.xy >= parameters.size) {
+        return;
+    }
+    let surface = unpack_surface(textureLoad(surface_texture, id.xy, 0).xy, id.xy, parameters.size, view);
+    var lit: Lit;
+    if surface.valid {
+        let deferred = textureLoad(deferred_texture, id.xy + vec2<u32>(view.main_pass_viewport.xy), 0);
+        lit = gather(surface, vec2<f32>(id.xy), unpack4x8unorm(deferred.r).a);
+        if lit.glossy_weight <= 0.0 {
+            atomicAdd(&missing[COUNTER_MISSING], 1u);
+        }
+    }
+    let exposed = unit[0] * view.exposure;
+    let glossy_light = lit.glossy * (exposed / max(lit.glossy_weight, 1e-20));
+    textureStore(glossy, id.xy, vec4<f32>(min(glossy_light, vec3<f32>(6e4)), 1.0));
+#ifdef DIFFUSE
+    let diffuse_light = lit.diffuse * (exposed / max(lit.diffuse_weight, 1e-20));
+    textureStore(diffuse, id.xy, vec4<f32>(min(diffuse_light, vec3<f32>(6e4)), 1.0));
+#endif
+}

@@ -1,0 +1,129 @@
+// Light that falls on each cell of the grid: of Bevy's lights by a shadow ray to each, and of a sixteenth of the virtual lights,
+// which stand for emissive surfaces and for all further bounces. Rehfeld, Zirr and Dachsbacher 2014, 3.1, "Voxel
+// Illumination"; shadow rays meet the planes of the grid's cells, where the paper's cones meet the opacity of voxels.
+//
+// Which sixteenth follows from the voxel's place, such that any 4x4 voxels of a plane have all sixteen: `volume.wgsl` takes
+// their mean.
+//
+// Cost: one thread a cell; a ray through the grid for each light that it faces, and for a sixteenth of the virtual lights.
+
+#import bevy_bounce::shared::grid::{cell_plane, cell_area}
+#import bevy_bounce::shared::octahedral::decode_unit
+#import bevy_bounce::shared::rays::{grid, cells, trace, to_grid, to_world, Ray}
+#import bevy_bounce::shared::sampling::PI
+#import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL}
+#import bevy_bounce::radiance_cache::types::LightVolume
+#import bevy_bounce::vpl::bound::geometry_bound
+#import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS}
+
+@group(0) @binding(0) var<uniform> scene: Scene;
+@group(0) @binding(1) var<storage, read> lights: array<Light>;
+@group(0) @binding(2) var<storage, read> header: VplHeader;
+@group(0) @binding(3) var<storage, read> vpls: array<Vpl>;
+@group(0) @binding(4) var<storage, read> places: array<u32>;
+// Bindings 5 and 6 are those of `vpl::bound`.
+// Of each cell: irradiance by lights, and by virtual ones, lux.
+@group(0) @binding(7) var<storage, read_write> irradiance: array<vec4<f32>>;
+@group(0) @binding(8) var<uniform> volume: LightVolume;
+
+const MAX_WORKGROUPS: u32 = 65535u;
+const PLACE_VALID: u32 = 0x80000000u;
+/// Voxels from the ends of a ray within which nothing blocks: a cell's plane is the mean of what its voxel holds.
+const GAP: f32 = 0.25;
+
+struct Receiver {
+    // World.
+    position: vec3<f32>,
+    normal: vec3<f32>,
+}
+
+fn is_seen(receiver: Receiver, direction: vec3<f32>, distance: f32, end_normal: vec3<f32>) -> bool {
+    var ray: Ray;
+    ray.origin = to_grid(receiver.position);
+    ray.direction = direction;
+    ray.length = distance / grid.voxel_size;
+    ray.start_normal = receiver.normal;
+    ray.end_normal = end_normal;
+    ray.gap = GAP;
+    return !trace(ray).found;
+}
+
+// Bevy's window: 1 near the light, 0 at its range. Karis 2013, "Real Shading in Unreal Engine 4".
+fn range_window(range: f32, square: f32) -> f32 {
+    if range <= 0.0 {
+        return 1.0;
+    }
+    let f = square / (range * range);
+    let window = clamp(1.0 - f * f, 0.0, 1.0);
+    return window * window;
+}
+
+fn from_light(receiver: Receiver, light: Light) -> vec3<f32> {
+    var direction = -light.direction;
+    var distance = 1e6 * grid.voxel_size;
+    var strength = 1.0;
+    if light.kind != LIGHT_DIRECTIONAL {
+        let way = light.position - receiver.position;
+        let square = max(dot(way, way), 1e-12);
+        distance = sqrt(square);
+        direction = way / distance;
+        // Within half a voxel the cell's mean place says nothing about the distance.
+        let near = 0.25 * grid.voxel_size * grid.voxel_size;
+        strength = range_window(light.range, square) / max(square, near);
+        if light.kind == LIGHT_SPOT {
+            let cone = clamp(-dot(direction, light.direction) * light.spot_scale + light.spot_offset, 0.0, 1.0);
+            strength *= cone * cone;
+        }
+    }
+    strength *= max(dot(receiver.normal, direction), 0.0);
+    if strength <= 0.0 || !is_seen(receiver, direction, distance, vec3<f32>(0.0)) {
+        return vec3<f32>(0.0);
+    }
+    return light.color * strength;
+}
+
+fn from_virtual_lights(receiver: Receiver, subset: u32) -> vec3<f32> {
+    var sum = vec3<f32>(0.0);
+    let bound = geometry_bound(header, receiver.position);
+    let end = header.subset_start[subset + 1u];
+    for (var i = header.subset_start[subset]; i < end; i++) {
+        let vpl = vpls[i];
+        let way = vpl.position - receiver.position;
+        let square = max(dot(way, way), 1e-12);
+        let distance = sqrt(square);
+        let direction = way / distance;
+        let cosines = max(dot(receiver.normal, direction), 0.0) * max(-dot(vpl.normal, direction), 0.0);
+        let geometry_term = min(cosines / square, bound);
+        if geometry_term > 0.0 && is_seen(receiver, direction, distance, vpl.normal) {
+            sum += vpl.flux * geometry_term;
+        }
+    }
+    return sum * (f32(SUBSETS) / PI);
+}
+
+@compute @workgroup_size(64)
+fn light_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    if index >= arrayLength(&places) || places[index] == 0u {
+        return;
+    }
+    let cell = cells[index];
+    let place = places[index] & ~PLACE_VALID;
+    let voxel = vec3<u32>(place % grid.dims.x, (place / grid.dims.x) % grid.dims.y, place / (grid.dims.x * grid.dims.y));
+    var receiver: Receiver;
+    receiver.normal = decode_unit(cell.normal);
+    receiver.position = to_world(vec3<f32>(voxel) + 0.5 + receiver.normal * cell_plane(cell));
+    var direct = vec3<f32>(0.0);
+    var further = vec3<f32>(0.0);
+    if cell_area(cell) > 0.0 {
+        for (var i = 0u; i < scene.light_count; i++) {
+            direct += from_light(receiver, lights[i]);
+        }
+        if volume.further != 0u {
+            let subset = ((voxel.x + voxel.z) & 3u) + 4u * ((voxel.y + voxel.z) & 3u);
+            further = from_virtual_lights(receiver, subset);
+        }
+    }
+    irradiance[2u * index] = vec4<f32>(direct, 0.0);
+    irradiance[2u * index + 1u] = vec4<f32>(further, 0.0);
+}
