@@ -28,6 +28,7 @@ macro_rules! shaders {
 }
 
 shaders! {
+    "shared/groups.wgsl" => [],
     "shared/octahedral.wgsl" => [],
     "shared/hilbert.wgsl" => [],
     "shared/scene.wgsl" => [],

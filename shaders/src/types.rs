@@ -252,6 +252,9 @@ impl Vpl {
     }
 }
 
+/// Most workgroups of a dispatch along an axis, WebGPU's default limit; a longer row is folded into the second axis.
+pub const MAX_WORKGROUPS: u32 = 65535;
+
 /// Words known of a brick of the grid: vertices of paths; lights times 2^15.
 pub const BRICK_WORDS: u32 = 2;
 

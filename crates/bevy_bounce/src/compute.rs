@@ -14,8 +14,7 @@ use bevy::render::renderer::RenderDevice;
 use bevy::shader::{Shader, ShaderCacheError, ShaderDefVal};
 use bevy_bounce_shaders::SHADERS;
 
-/// Workgroups along one axis that every device allows. WebGPU: maxComputeWorkgroupsPerDimension.
-pub(crate) const MAX_WORKGROUPS: u32 = 65535;
+pub(crate) use bevy_bounce_shaders::types::MAX_WORKGROUPS;
 
 /// Handles of all our shaders, by path within the shader crate.
 #[derive(Resource, Clone)]

@@ -87,8 +87,8 @@ pub enum Resolution {
     /// Each.
     #[default]
     Full,
-    /// Each fourth, at about a quarter of the cost. Between them it is interpolated within surfaces, and computed anew at pixels
-    /// whose surface has too few of them near.
+    /// Each fourth: a quarter of the sums over lights; interpolating costs what it did. Between them light is interpolated within
+    /// surfaces, and computed anew at pixels whose surface has too few of them near.
     Half,
 }
 

@@ -2,6 +2,7 @@
 //
 // Cost: reads each voxel three times, each cell once.
 
+#import bevy_bounce::shared::groups::{folded_index, exclusive_scan, scan_total}
 #import bevy_bounce::shared::grid::{
     Grid, Cell, voxel_count, voxel_facings, pack_bounds, CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, COUNTER_CELLS,
     COUNTER_OVERFLOW, COUNTER_AREA,
@@ -19,22 +20,6 @@
 const GROUP: u32 = 256u;
 const PER_THREAD: u32 = 4u;
 const BLOCK: u32 = 1024u;
-const MAX_WORKGROUPS: u32 = 65535u;
-
-var<workgroup> scratch: array<u32, 256>;
-
-// Sum of the values of lower lanes; `scratch[GROUP - 1]` then holds the sum of all. Hillis & Steele 1986.
-fn exclusive_scan(value: u32, lane: u32) -> u32 {
-    scratch[lane] = value;
-    workgroupBarrier();
-    for (var step = 1u; step < GROUP; step <<= 1u) {
-        let lower = select(0u, scratch[max(lane, step) - step], lane >= step);
-        workgroupBarrier();
-        scratch[lane] += lower;
-        workgroupBarrier();
-    }
-    return scratch[lane] - value;
-}
 
 fn marked(voxel: u32) -> u32 {
     if voxel >= voxel_count(grid) {
@@ -45,12 +30,12 @@ fn marked(voxel: u32) -> u32 {
 
 @compute @workgroup_size(256)
 fn count_blocks(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let block = group.x + group.y * MAX_WORKGROUPS;
+    let block = folded_index(group);
     let first = block * BLOCK + lane * PER_THREAD;
     let count = marked(first) + marked(first + 1u) + marked(first + 2u) + marked(first + 3u);
     exclusive_scan(count, lane);
     if lane == GROUP - 1u && block < arrayLength(&blocks) {
-        blocks[block] = scratch[lane];
+        blocks[block] = scan_total();
     }
 }
 
@@ -68,7 +53,7 @@ fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
         if block < count {
             blocks[block] = before + sum;
         }
-        before += scratch[GROUP - 1u];
+        before += scan_total();
         workgroupBarrier();
     }
     if lane == 0u {
@@ -80,7 +65,7 @@ fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
 
 @compute @workgroup_size(256)
 fn assign_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let block = group.x + group.y * MAX_WORKGROUPS;
+    let block = folded_index(group);
     let first = block * BLOCK + lane * PER_THREAD;
     let count = marked(first) + marked(first + 1u) + marked(first + 2u) + marked(first + 3u);
     let lower = exclusive_scan(count, lane);
@@ -103,7 +88,7 @@ fn assign_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
 
 @compute @workgroup_size(64)
 fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let cell = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    let cell = folded_index(group) * 64u + lane;
     if cell >= atomicLoad(&counters[COUNTER_CELLS]) {
         return;
     }

@@ -3,6 +3,7 @@
 //
 // Cost: every voxel is read once; then three passes over an eighth as many blocks, two reads per unit of their distance.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{
     Grid, voxel_index, voxel_facings, leap_dims, DISTANCE_SHIFT, MAX_DISTANCE, LEAP_BLOCK,
 }
@@ -13,10 +14,9 @@
 @group(0) @binding(3) var<storage, read_write> along_x: array<u32>;
 @group(0) @binding(4) var<storage, read_write> along_y: array<u32>;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 
 fn thread_index(group: vec3<u32>, lane: u32) -> u32 {
-    return (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    return folded_index(group) * 64u + lane;
 }
 
 fn block_of(index: u32) -> vec3<i32> {

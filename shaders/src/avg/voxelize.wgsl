@@ -12,6 +12,7 @@
 //
 // Cost: a test of about 60 operations a voxel in the triangle's box, a clip of about 500 a voxel touched in the second run.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{
     Grid, voxel_index, voxel_facings, cell_index, facing_of, CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS,
 }
@@ -39,7 +40,6 @@ const INLINE_VOXELS: u32 = 128u;
 const BRICK: i32 = 8;
 const QUEUE_HEADER: u32 = 1u;
 const QUEUE_WORDS: u32 = 3u;
-const MAX_WORKGROUPS: u32 = 65535u;
 // Voxels; covers the rounding of the positions, so that a face on a boundary marks both sides.
 const SLACK: f32 = 1e-4;
 
@@ -308,7 +308,7 @@ fn enqueue_bricks(t: Triangle, instance: u32, triangle: u32, low: vec3<i32>, hig
 
 @compute @workgroup_size(64)
 fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = group.x + group.y * MAX_WORKGROUPS;
+    let index = folded_index(group);
 #ifdef EMISSION
     let count = scene.emissive_chunk_count;
 #else

@@ -3,17 +3,17 @@
 // Cost: one thread a texel, in the order of the leaves, so that threads of a workgroup are near each other; see
 // cssm/gather.wgsl.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::cssm::gather::{gather, leaf_texel, hash}
 #import bevy_bounce::cssm::texels::{bake, load_texel}
 
 // Of each texel: irradiance over pi, cd/m^2; nodes of its cut.
 @group(0) @binding(5) var<storage, read_write> gathered: array<vec4<f32>>;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 
 @compute @workgroup_size(64)
 fn bounce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let rank = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    let rank = folded_index(group) * 64u + lane;
     if rank >= bake.texel_count {
         return;
     }

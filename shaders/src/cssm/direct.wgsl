@@ -3,6 +3,7 @@
 //
 // Cost: one thread a texel; a query of visibility for each light that it faces.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::cssm::query::{visibility, is_seen_from_outside}
 #import bevy_bounce::cssm::texels::{bake, load_texel, to_object, to_world, turn_to_object, turn_to_world, Texel}
 #import bevy_bounce::cssm::types::CssmGather
@@ -15,7 +16,6 @@
 // Of each texel, radiance without bounces, cd/m^2: emission before, with reflected direct light after.
 @group(0) @binding(5) var<storage, read_write> sources: array<vec4<f32>>;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 
 // Bevy's window: 1 near the light, 0 at its range. Karis 2013, "Real Shading in Unreal Engine 4".
 fn range_window(range: f32, square: f32) -> f32 {
@@ -58,7 +58,7 @@ fn punctual(texel: Texel, position: vec3<f32>, normal: vec3<f32>, light: Light) 
 
 @compute @workgroup_size(64)
 fn direct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    let index = folded_index(group) * 64u + lane;
     if index >= bake.texel_count {
         return;
     }

@@ -2,6 +2,7 @@
 //
 // Cost: one thread a texel; a triangle and a word of a thumbnail each.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::cssm::types::CssmSurface
 #import bevy_bounce::shared::scene::NONE
 #import bevy_bounce::shared::triangles::{load_triangle, surface_emission}
@@ -12,11 +13,10 @@
 // Of each texel, radiance without bounces, cd/m^2.
 @group(0) @binding(6) var<storage, read_write> sources: array<vec4<f32>>;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 
 @compute @workgroup_size(64)
 fn emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    let index = folded_index(group) * 64u + lane;
     if index >= arrayLength(&surfaces) {
         return;
     }

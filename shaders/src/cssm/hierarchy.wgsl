@@ -3,6 +3,7 @@
 //
 // Cost: `leaves` one thread a texel, `pull` one a node of the level; a descent from the root each.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::cssm::texels::{bake, load_texel}
 #import bevy_bounce::cssm::tree::{leaf_node, level_node, node_count}
 #import bevy_bounce::cssm::types::CssmLevel
@@ -15,11 +16,10 @@
 @group(0) @binding(5) var<storage, read> gathered: array<vec4<f32>>;
 @group(0) @binding(6) var<uniform> level: CssmLevel;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 
 @compute @workgroup_size(64)
 fn leaves(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let rank = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    let rank = folded_index(group) * 64u + lane;
     if rank >= bake.texel_count {
         return;
     }
@@ -31,7 +31,7 @@ fn leaves(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
 
 @compute @workgroup_size(64)
 fn pull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let place = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    let place = folded_index(group) * 64u + lane;
     if place >= 1u << level.level {
         return;
     }

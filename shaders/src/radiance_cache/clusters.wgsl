@@ -7,6 +7,7 @@
 //
 // Cost: one workgroup 1024 pixels, three times a word each; one workgroup over the blocks.
 
+#import bevy_bounce::shared::groups::{folded_index, exclusive_scan, scan_total}
 #import bevy_bounce::radiance_cache::types::{CacheGrid, CacheCounters, CLUSTER_SLICE_BITS, CLUSTER_FACING_BITS}
 
 @group(0) @binding(0) var<uniform> parameters: CacheGrid;
@@ -24,7 +25,6 @@
 const GROUP: u32 = 256u;
 const PER_THREAD: u32 = 4u;
 const BLOCK: u32 = 1024u;
-const MAX_WORKGROUPS: u32 = 65535u;
 const BITS: u32 = 32u;
 // Words of the counters.
 const CLUSTERS: u32 = 0u;
@@ -33,7 +33,6 @@ const MERGED: u32 = 2u;
 const PIXELS: u32 = 3u;
 const DIFFERENCES: u32 = 5u;
 
-var<workgroup> scratch: array<u32, GROUP>;
 var<workgroup> tally: array<atomic<u32>, BITS>;
 
 fn pixel_count() -> u32 {
@@ -51,7 +50,7 @@ fn is_lit(i: u32) -> bool {
 
 @compute @workgroup_size(256)
 fn count_differences(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let i = (group.x + group.y * MAX_WORKGROUPS) * GROUP + lane;
+    let i = folded_index(group) * GROUP + lane;
     if is_lit(i) {
         if i > 0u {
             let differing = pairs[i].x ^ pairs[i - 1u].x;
@@ -102,29 +101,16 @@ fn starts_cluster(i: u32) -> u32 {
     return select(0u, 1u, ((pairs[i].x ^ pairs[i - 1u].x) >> coarseness) != 0u);
 }
 
-// Sum of the values of lower lanes; `scratch[GROUP - 1]` then holds the sum of all. Hillis & Steele 1986.
-fn exclusive_scan(value: u32, lane: u32) -> u32 {
-    scratch[lane] = value;
-    workgroupBarrier();
-    for (var step = 1u; step < GROUP; step <<= 1u) {
-        let lower = select(0u, scratch[max(lane, step) - step], lane >= step);
-        workgroupBarrier();
-        scratch[lane] += lower;
-        workgroupBarrier();
-    }
-    return scratch[lane] - value;
-}
-
 fn count_four(first: u32) -> u32 {
     return starts_cluster(first) + starts_cluster(first + 1u) + starts_cluster(first + 2u) + starts_cluster(first + 3u);
 }
 
 @compute @workgroup_size(256)
 fn count_blocks(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let block = group.x + group.y * MAX_WORKGROUPS;
+    let block = folded_index(group);
     exclusive_scan(count_four(block * BLOCK + lane * PER_THREAD), lane);
     if lane == GROUP - 1u && block < arrayLength(&blocks) {
-        blocks[block] = scratch[lane];
+        blocks[block] = scan_total();
     }
 }
 
@@ -142,7 +128,7 @@ fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
         if block < count {
             blocks[block] = before + sum;
         }
-        before += scratch[GROUP - 1u];
+        before += scan_total();
         workgroupBarrier();
     }
 }
@@ -167,7 +153,7 @@ fn note(i: u32, cluster: u32, is_first: bool) {
 
 @compute @workgroup_size(256)
 fn number_clusters(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let block = group.x + group.y * MAX_WORKGROUPS;
+    let block = folded_index(group);
     let first = block * BLOCK + lane * PER_THREAD;
     let lower = exclusive_scan(count_four(first), lane);
     if block >= arrayLength(&blocks) {

@@ -7,6 +7,7 @@
 //
 // Cost: a cone and 256 weights a thread; 4 KiB of the atlas and 8 KiB of workgroup memory a cache.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::radiance_cache::cone::{grid, march_cone, Start}
 #import bevy_bounce::radiance_cache::hemisphere::{square_to_hemisphere, from_cache}
 #import bevy_bounce::radiance_cache::lobes::lobe_weight
@@ -18,7 +19,6 @@
 @group(0) @binding(1) var<storage, read> caches: array<RadianceCache>;
 @group(0) @binding(2) var atlas: texture_storage_2d<rgba16float, write>;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 const TEXELS: u32 = 256u;
 const COARSE_TEXELS: u32 = 64u;
 /// Diameter over distance of a cone of a 256th of the hemisphere: twice the tangent of acos(1 - 1/256).
@@ -46,7 +46,7 @@ fn convolve(level: u32, axis: vec3<f32>) -> vec4<f32> {
 
 @compute @workgroup_size(256)
 fn create(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = group.x + group.y * MAX_WORKGROUPS;
+    let index = folded_index(group);
     if index >= counters.clusters {
         return;
     }

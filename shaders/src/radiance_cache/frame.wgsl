@@ -6,6 +6,7 @@
 //
 // Cost: a workgroup a tile; one word a pixel, nine bins a thread, three reductions.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::radiance_cache::normals::{normal_bin, wrapped_bin, apart, BINS, EDGE}
 #import bevy_bounce::radiance_cache::types::CacheGrid
 
@@ -14,7 +15,6 @@
 // Of each tile, three bins of six bits.
 @group(0) @binding(2) var<storage, read_write> frames: array<u32>;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 /// What a pixel counts after the blur.
 const PIXEL: u32 = 16u;
 
@@ -49,7 +49,7 @@ fn blurred(bin: u32) -> u32 {
 
 @compute @workgroup_size(64)
 fn choose_axes(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = group.x + group.y * MAX_WORKGROUPS;
+    let index = folded_index(group);
     if index >= parameters.tiles.x * parameters.tiles.y {
         return;
     }

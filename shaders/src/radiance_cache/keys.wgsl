@@ -6,6 +6,7 @@
 //
 // Cost: one thread a pixel, two words.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::radiance_cache::normals::facing_in
 #import bevy_bounce::radiance_cache::types::{CacheGrid, CLUSTER_SLICE_BITS, CLUSTER_FACING_BITS}
 
@@ -16,7 +17,6 @@
 @group(0) @binding(3) var<storage, read_write> pairs: array<vec2<u32>>;
 @group(0) @binding(4) var<storage, read_write> pair_count: array<u32>;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 /// Bits of the depth 1, that of the near plane.
 const NEAR: u32 = 0x3f800000u;
 
@@ -33,7 +33,7 @@ fn slice_of(depth: u32) -> u32 {
 
 @compute @workgroup_size(64)
 fn write_keys(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    let index = folded_index(group) * 64u + lane;
     if index >= parameters.size.x * parameters.size.y {
         return;
     }

@@ -7,6 +7,7 @@
 //
 // Cost: one thread a cell; a ray through the grid for each light that it faces, and for a sixteenth of the virtual lights.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{cell_plane, cell_area}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, cells, trace, to_grid, to_world, Ray}
@@ -26,7 +27,6 @@
 @group(0) @binding(7) var<storage, read_write> irradiance: array<vec4<f32>>;
 @group(0) @binding(8) var<uniform> volume: LightVolume;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 const PLACE_VALID: u32 = 0x80000000u;
 /// Voxels from the ends of a ray within which nothing blocks: a cell's plane is the mean of what its voxel holds.
 const GAP: f32 = 0.25;
@@ -103,7 +103,7 @@ fn from_virtual_lights(receiver: Receiver, subset: u32) -> vec3<f32> {
 
 @compute @workgroup_size(64)
 fn light_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    let index = folded_index(group) * 64u + lane;
     if index >= arrayLength(&places) || places[index] == 0u {
         return;
     }

@@ -12,6 +12,7 @@
 // Cost: a workgroup a cluster; each pixel is read three times.
 
 #import bevy_render::view::View
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::interleaved::surface::{Surface, unpack_surface}
 #import bevy_bounce::radiance_cache::types::{CacheGrid, CacheCounters, RadianceCache}
 
@@ -24,7 +25,6 @@
 @group(0) @binding(6) var<storage, read_write> caches: array<RadianceCache>;
 
 const GROUP: u32 = 64u;
-const MAX_WORKGROUPS: u32 = 65535u;
 const LOWEST: f32 = -3e38;
 
 var<workgroup> lows: array<vec3<f32>, GROUP>;
@@ -133,7 +133,7 @@ fn farthest(first: u32, end: u32, from_here: vec3<f32>, lane: u32) -> f32 {
 
 @compute @workgroup_size(64)
 fn place(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let cluster = group.x + group.y * MAX_WORKGROUPS;
+    let cluster = folded_index(group);
     if cluster >= counters.clusters {
         return;
     }

@@ -3,6 +3,7 @@
 //
 // Cost: one word a voxel, one a cell.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{Grid, voxel_count, voxel_facings, CELL_MASK}
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::{Scene, CHUNK_TRIANGLES}
@@ -17,12 +18,11 @@
 // Radiance that counts as 1, cd/m^2.
 @group(0) @binding(5) var<storage, read_write> unit: array<f32>;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 const PLACE_VALID: u32 = 0x80000000u;
 
 @compute @workgroup_size(64)
 fn list_places(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let voxel = (group.x + group.y * MAX_WORKGROUPS) * 64u + lane;
+    let voxel = folded_index(group) * 64u + lane;
     if voxel >= voxel_count(grid) {
         return;
     }

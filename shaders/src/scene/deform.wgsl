@@ -1,6 +1,7 @@
 // Skinned and morphed vertices where they stand this frame, one thread a vertex: morph targets first, then the skin, as
 // Bevy's vertex shader does (bevy_pbr::morph, bevy_pbr::skinning).
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::scene::{NONE, VERTEX_WORDS, SKIN_WORDS, DEFORMED_WORDS}
 
 struct DeformJob {
@@ -32,7 +33,6 @@ struct DeformChunk {
 // Joint matrices, then morph weights, of one job after the other.
 @group(0) @binding(3) var<storage, read> pose: array<f32>;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 
 fn position_at(offset: u32) -> vec3<f32> {
     return vec3<f32>(
@@ -72,7 +72,7 @@ fn skinned(job: DeformJob, vertex: u32, position: vec3<f32>) -> vec3<f32> {
 
 @compute @workgroup_size(64)
 fn deform(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let chunk = chunks[group.x + group.y * MAX_WORKGROUPS];
+    let chunk = chunks[folded_index(group)];
     if chunk.job == NONE {
         return;
     }

@@ -9,8 +9,9 @@
 //
 // Cost: a light and triangle about 200 operations, a texel in the triangle's box about 20.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::Grid
-#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, MAX_WORKGROUPS, tile_frame, to_tile, from_tile, tile_words, pack_texel}
+#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words, pack_texel}
 #import bevy_bounce::shadow_atlas::types::{Occluder, OCCLUDER_TWO_SIDED}
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, incoming_direction, incoming_reach, SETTLE_RANGE}
 
@@ -200,7 +201,7 @@ fn settle(vpl: Vpl, lane: u32) -> Vpl {
 
 @compute @workgroup_size(64)
 fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let light = group.x + group.y * MAX_WORKGROUPS;
+    let light = folded_index(group);
     if light >= header.count {
         return;
     }

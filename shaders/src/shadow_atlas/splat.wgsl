@@ -6,9 +6,10 @@
 //
 // Cost: a light and point about 80 operations.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::Grid
 #import bevy_bounce::shared::octahedral::decode_unit
-#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, MAX_WORKGROUPS, tile_frame, to_tile, from_tile, tile_words, pack_texel}
+#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words, pack_texel}
 #import bevy_bounce::shadow_atlas::types::{WorldPoint, POINT_NONE, POINT_SUBSETS}
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::vpl::types::{Vpl, VplHeader}
@@ -68,7 +69,7 @@ fn pull(a: u32, b: u32, c: u32, d: u32) -> u32 {
 
 @compute @workgroup_size(64)
 fn splat_points(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let light = group.x + group.y * MAX_WORKGROUPS;
+    let light = folded_index(group);
     if light >= header.count {
         return;
     }

@@ -11,8 +11,6 @@
 
 /// Texel where nothing is.
 const TILE_EMPTY: u32 = 0xffffffffu;
-/// Workgroups, a light each, before they fold into a second axis.
-const MAX_WORKGROUPS: u32 = 65535u;
 /// Steps of depth.
 const DEPTH_STEPS: f32 = 65535.0;
 

@@ -8,6 +8,8 @@ struct Digit {
     shift: u32,
 }
 
+#import bevy_bounce::shared::groups::exclusive_scan
+
 @group(0) @binding(0) var<uniform> digit: Digit;
 // Pairs, in the first word.
 @group(0) @binding(1) var<storage, read> pair_count: array<u32>;
@@ -53,15 +55,7 @@ fn scan_digits(@builtin(local_invocation_index) lane: u32) {
     for (var block = 0u; block < blocks; block++) {
         sum += counts[lane * blocks + block];
     }
-    scratch[lane] = sum;
-    workgroupBarrier();
-    for (var step = 1u; step < DIGITS; step <<= 1u) {
-        let lower = select(0u, scratch[max(lane, step) - step], lane >= step);
-        workgroupBarrier();
-        scratch[lane] += lower;
-        workgroupBarrier();
-    }
-    var place = scratch[lane] - sum;
+    var place = exclusive_scan(sum, lane);
     for (var block = 0u; block < blocks; block++) {
         let count = counts[lane * blocks + block];
         counts[lane * blocks + block] = place;

@@ -3,6 +3,7 @@
 //
 // Cost: one thread a triangle of the emissive meshes, then one workgroup over all of them.
 
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::scene::{Chunk, Scene, CHUNK_TRIANGLES}
 #import bevy_bounce::shared::triangles::{load_triangle, surface_emission}
 #import bevy_bounce::vpl::types::{Emitter, VplParameters, luminance}
@@ -12,14 +13,13 @@
 @group(0) @binding(5) var<storage, read_write> emitters: array<Emitter>;
 @group(0) @binding(6) var<uniform> scene: Scene;
 
-const MAX_WORKGROUPS: u32 = 65535u;
 const GROUP: u32 = 256u;
 
 var<workgroup> scratch: array<f32, 256>;
 
 @compute @workgroup_size(64)
 fn collect(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = group.x + group.y * MAX_WORKGROUPS;
+    let index = folded_index(group);
     if index >= scene.emissive_chunk_count {
         return;
     }

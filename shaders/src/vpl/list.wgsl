@@ -11,6 +11,7 @@
 //
 // Cost: one workgroup adds up the weights, four loads and an atomic addition a vertex; then a thread a light, three loads a vertex.
 
+#import bevy_bounce::shared::groups::exclusive_scan
 #import bevy_bounce::shared::grid::{Grid, brick_at, COUNTER_AREA}
 #import bevy_bounce::shared::sampling::sample_square
 #import bevy_bounce::vpl::types::{
@@ -39,7 +40,6 @@ const OPEN_WEIGHT: f32 = 0.2;
 const DIMENSION_VERTEX: u32 = 128u;
 
 var<workgroup> float_scratch: array<f32, GROUP>;
-var<workgroup> scratch: array<u32, GROUP>;
 
 fn total(value: f32, lane: u32) -> f32 {
     float_scratch[lane] = value;
@@ -51,19 +51,6 @@ fn total(value: f32, lane: u32) -> f32 {
         workgroupBarrier();
     }
     return float_scratch[0];
-}
-
-// Sum of the values of lower lanes. Hillis & Steele 1986.
-fn exclusive_sum(value: u32, lane: u32) -> u32 {
-    scratch[lane] = value;
-    workgroupBarrier();
-    for (var step = 1u; step < GROUP; step <<= 1u) {
-        let lower = select(0u, scratch[max(lane, step) - step], lane >= step);
-        workgroupBarrier();
-        scratch[lane] += lower;
-        workgroupBarrier();
-    }
-    return scratch[lane] - value;
 }
 
 // First word of what is known of the brick that a vertex is in.
@@ -113,7 +100,7 @@ fn scan_weights(@builtin(local_invocation_index) lane: u32) {
         starts[i] = sum;
         sum += own;
     }
-    let before = exclusive_sum(sum, lane);
+    let before = exclusive_scan(sum, lane);
     for (var i = first; i < end; i++) {
         starts[i] += before;
     }

@@ -3,6 +3,7 @@
 //
 // Cost: a vertex is read once; one workgroup adds up the lengths of the paths.
 
+#import bevy_bounce::shared::groups::exclusive_scan
 #import bevy_bounce::shared::grid::{Grid, facing_of}
 #import bevy_bounce::shared::hilbert::{hilbert_index, HILBERT_BITS}
 #import bevy_bounce::vpl::types::{Vpl, Path, VplParameters, vertex_slot}
@@ -18,8 +19,6 @@
 
 const GROUP: u32 = 256u;
 
-var<workgroup> scratch: array<u32, GROUP>;
-
 @compute @workgroup_size(256)
 fn scan_paths(@builtin(local_invocation_index) lane: u32) {
     let chunk = (parameters.path_count + GROUP - 1u) / GROUP;
@@ -28,15 +27,7 @@ fn scan_paths(@builtin(local_invocation_index) lane: u32) {
     for (var path = lane * chunk; path < end; path++) {
         sum += paths[path].length;
     }
-    scratch[lane] = sum;
-    workgroupBarrier();
-    for (var step = 1u; step < GROUP; step <<= 1u) {
-        let lower = select(0u, scratch[max(lane, step) - step], lane >= step);
-        workgroupBarrier();
-        scratch[lane] += lower;
-        workgroupBarrier();
-    }
-    var first = scratch[lane] - sum;
+    var first = exclusive_scan(sum, lane);
     for (var path = lane * chunk; path < end; path++) {
         paths[path].first = first;
         first += paths[path].length;
