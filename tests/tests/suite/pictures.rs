@@ -5,7 +5,9 @@ use std::time::Duration;
 
 use bevy::camera::Exposure;
 use bevy::prelude::*;
-use bevy_bounce::{GiLight, GiSettings, GlobalIllumination, Resolution, Technique, VoxelizedMesh, VplVisibility};
+use bevy_bounce::{
+    GiIsolate, GiLight, GiSettings, GlobalIllumination, Resolution, Technique, VoxelizedMesh, VplVisibility,
+};
 use bevy_bounce_examples::Run;
 use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
 use bevy_bounce_examples::scenes::{AnimalPlugin, Builder, CornellPlugin, Walls};
@@ -369,6 +371,24 @@ fn a_furnace_has_its_closed_form() {
 }
 
 /// A skinned animal: its bounced light depends on the time alone, however that was reached.
+/// Bevy would draw masked surfaces once more, over their bounced light.
+#[test]
+fn a_masked_surface_that_is_whole_looks_like_an_opaque_one() {
+    let mut stage = cornell(SMALL);
+    let camera = stage.only::<Camera3d>();
+    stage.world().entity_mut(camera).insert(GiIsolate::All);
+    let opaque = stage.settled_picture();
+    let mask = |stage: &mut Stage, alpha_mode: AlphaMode| {
+        for (_, material) in stage.world().resource_mut::<Assets<StandardMaterial>>().iter_mut() {
+            material.alpha_mode = alpha_mode;
+        }
+    };
+    mask(&mut stage, AlphaMode::Mask(0.5));
+    assert!(!black(&opaque) && opaque == stage.settled_picture(), "masked surfaces differ");
+    mask(&mut stage, AlphaMode::Opaque);
+    assert!(opaque == stage.settled_picture(), "a mask left something behind");
+}
+
 #[test]
 fn a_skinned_mesh_has_no_lag() {
     let stage = || {

@@ -13,6 +13,7 @@
 //! While the pipelines are compiled, and should they fail, Bevy's lighting runs.
 
 mod extract;
+mod masked;
 mod passes;
 mod pipelines;
 
@@ -97,6 +98,9 @@ impl Plugin for GiComposePlugin {
                     pipelines::prepare_compose_pipelines
                         .in_set(RenderSystems::Prepare)
                         .before(prepare_deferred_lighting_pipelines),
+                    masked::draw_masked_surfaces_once
+                        .after(RenderSystems::PrepareAssets)
+                        .before(RenderSystems::Specialize),
                     prepare_view_textures.in_set(GiSystems::Prepare),
                 ),
             )
