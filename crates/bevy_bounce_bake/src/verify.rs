@@ -5,15 +5,14 @@
 //!
 //! - gets another exact answer for the sender: a shadow edge passes between the receivers, or the sender is behind the
 //!   horizon of one of them;
-//! - sees a silhouette within `d` pixels of the sender: an edge where a surface ends, or turns away from the receiver. What
-//!   the silhouette of one surface leaves to see of another is bounded by the former's shadow edge, so that these are also
-//!   the places where the answer changes as the sender moves; or
+//! - has a silhouette within `d` pixels of the sender: an edge where the first or the second surface on the way ends, or turns
+//!   away from the receiver. What the silhouette of one surface leaves to see of another is bounded by the former's shadow
+//!   edge, so that these are also the places where the answer changes as the sender moves; and where the second's edge,
+//!   hidden behind the first, passes through a pixel whose centre looks past it, the map does not know the second; or
 //! - is within `d` pixels of the sender's horizon, or the sender within `d` pixels of its own: one's plane is edge on for
 //!   the other, and what turns by a pixel faces away.
 //!
-//! What chance would make of it is told beside: the share of all pairs that lies within a texel. Left are edges of second
-//! surfaces: where the ray through a pixel's centre ends at the first, and the second's edge, hidden behind that, passes
-//! through the pixel, the map does not know the second.
+//! What chance would make of it is told beside: the share of all pairs that lies within a texel.
 //!
 //! Receivers move in the atlas and silhouettes are the mesh's own edges, because neither a curved surface's tangent plane
 //! nor the sender's plane, seen edge on, says where the surface ends.

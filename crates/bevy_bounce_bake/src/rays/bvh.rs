@@ -68,18 +68,39 @@ impl<'a> Bvh<'a> {
     /// Whether nothing lies on the way from `from` to `to`, both ends left out by `margin` of the way. Ray by ray, by the
     /// crate's own traversal and intersection.
     pub fn visible(&self, from: Vec3, to: Vec3, margin: f32) -> bool {
-        let direction = to - from;
-        let ray = Ray::new(from.to_array().into(), direction.to_array().into(), margin, 1.0 - margin);
-        self.tree.ray_traverse_miss(ray, |ray, id| {
-            let at = self.single[id].intersect(ray);
-            let hole = at < f32::INFINITY
-                && self.cutout(id).is_some_and(|cutout| {
-                    let weights = weights(&self.triangles[id], from + direction * at);
-                    !cutout.is_there(self.materials, weights)
-                });
-            if hole { f32::INFINITY } else { at }
-        })
+        let (ray, way) = segment(from, to, margin);
+        self.tree.ray_traverse_miss(ray, |ray, id| self.meets(ray, id, from, way))
     }
+
+    /// Surfaces on the way from `from` to `to`, both ends left out by `margin` of the way; two closer than that are one.
+    pub fn surfaces_between(&self, from: Vec3, to: Vec3, margin: f32) -> usize {
+        let (ray, way) = segment(from, to, margin);
+        let mut hits = Vec::new();
+        self.tree.ray_traverse_miss(ray, |ray, id| {
+            hits.extend(Some(self.meets(ray, id, from, way)).filter(|at| at.is_finite()));
+            f32::INFINITY
+        });
+        hits.sort_by(f32::total_cmp);
+        hits.dedup_by(|at, last| *at - *last <= margin);
+        hits.len()
+    }
+
+    /// Where a ray meets a triangle, in lengths of the way; infinite where it passes by or through a hole.
+    fn meets(&self, ray: &Ray, triangle: usize, from: Vec3, way: Vec3) -> f32 {
+        let at = self.single[triangle].intersect(ray);
+        let hole = at < f32::INFINITY
+            && self.cutout(triangle).is_some_and(|cutout| {
+                let weights = weights(&self.triangles[triangle], from + way * at);
+                !cutout.is_there(self.materials, weights)
+            });
+        if hole { f32::INFINITY } else { at }
+    }
+}
+
+/// The ray from `from` to `to` without `margin` of it at each end, and the way.
+fn segment(from: Vec3, to: Vec3, margin: f32) -> (Ray, Vec3) {
+    let way = to - from;
+    (Ray::new(from.to_array().into(), way.to_array().into(), margin, 1.0 - margin), way)
 }
 
 /// Weights of a triangle's corners at a point of it.

@@ -77,8 +77,8 @@ impl<'a> Edges<'a> {
         Self { bvh, edges: edges.into_iter().map(whole).collect(), of_triangle }
     }
 
-    /// Whether a silhouette passes through the cone and can be seen from its tip: an edge where a surface that faces the
-    /// tip ends, or meets one that does not. `lift` is how far from a surface is on it, in world units.
+    /// Whether a silhouette of what a map knows passes through the cone: an edge where a surface that faces the tip ends, or
+    /// meets one that does not, with at most one surface before it. `lift` is how far from a surface is on it, in world units.
     pub fn silhouette_in(&self, cone: &Cone, lift: f32) -> bool {
         let mut open = vec![0];
         while let Some(index) = open.pop() {
@@ -91,7 +91,7 @@ impl<'a> Edges<'a> {
                 continue;
             }
             let triangles = &self.of_triangle[node.first as usize..(node.first + node.count) as usize];
-            if triangles.as_flattened().iter().any(|&edge| self.edges[edge as usize].seen_in(cone, self.bvh, lift)) {
+            if triangles.as_flattened().iter().any(|&edge| self.edges[edge as usize].known_in(cone, self.bvh, lift)) {
                 return true;
             }
         }
@@ -100,7 +100,7 @@ impl<'a> Edges<'a> {
 }
 
 impl Edge {
-    fn seen_in(&self, cone: &Cone, bvh: &Bvh, lift: f32) -> bool {
+    fn known_in(&self, cone: &Cone, bvh: &Bvh, lift: f32) -> bool {
         let [from, to] = self.ends;
         if let Some([first, second]) = self.normals {
             let side = |normal: Vec3| (cone.origin - from).dot(normal) > 0.0;
@@ -116,6 +116,6 @@ impl Edge {
         let nearest = from + way * at.clamp(0.0, 1.0);
         // A little beside the edge, so that its own surface is not in the way by rounding.
         let distance = cone.origin.distance(nearest);
-        cone.holds(nearest) && bvh.visible(cone.origin, nearest, (4.0 * lift / distance).min(0.5))
+        cone.holds(nearest) && bvh.surfaces_between(cone.origin, nearest, (4.0 * lift / distance).min(0.5)) < 2
     }
 }
