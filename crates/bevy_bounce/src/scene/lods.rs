@@ -4,6 +4,8 @@ use meshoptimizer_rs::{
     Positions, SimplifyOptions, SimplifySettings, Workspace, simplify, simplify_scale, simplify_sloppy,
 };
 
+use super::deviation::deviation;
+
 /// Triangles below which a mesh is not made coarser.
 const COARSEST: usize = 24;
 /// A level has this share of the triangles of the one before.
@@ -18,13 +20,14 @@ pub(super) struct Lod {
     pub index_offset: u32,
     /// Triangles.
     pub triangle_count: u32,
-    /// How far surfaces are from those of the mesh, local units.
+    /// How far surfaces are from those of the mesh, but for a twentieth of them, local units.
     pub error: f32,
 }
 
-/// Indices of coarser and coarser versions with the same vertices, and their errors in local units. None for a small mesh, or
-/// one that cannot be simplified.
-pub(super) fn simplified(positions: &[[f32; 3]], indices: &[u32]) -> Vec<(Vec<u32>, f32)> {
+/// Indices of coarser and coarser versions with the same vertices, and their errors in local units: the simplifier's or what is
+/// measured, whichever is larger. None for a small mesh, or one that cannot be simplified. `areas` is the running sum of the
+/// areas of the triangles.
+pub(super) fn simplified(positions: &[[f32; 3]], indices: &[u32], areas: &[f32]) -> Vec<(Vec<u32>, f32)> {
     let mut workspace = Workspace::default();
     let mut levels: Vec<(Vec<u32>, f32)> = Vec::new();
     let finite: Vec<[f32; 3]> = positions.iter().map(|p| p.map(|x| if x.is_finite() { x } else { 0.0 })).collect();
@@ -41,7 +44,8 @@ pub(super) fn simplified(positions: &[[f32; 3]], indices: &[u32]) -> Vec<(Vec<u3
         else {
             return levels;
         };
-        levels.push((coarser, before + error));
+        let error = (before + error).max(deviation(&finite, indices, areas, &coarser));
+        levels.push((coarser, error));
     }
 }
 
@@ -138,10 +142,15 @@ mod tests {
         (positions.collect(), indices.collect())
     }
 
+    /// The running sum of as much for each triangle.
+    fn even_areas(indices: &[u32]) -> Vec<f32> {
+        (1..=indices.len() / 3).map(|count| count as f32).collect()
+    }
+
     #[test]
     fn a_flat_sheet_becomes_coarse_without_error() {
         let (positions, indices) = sheet(32, 0.0);
-        let levels = simplified(&positions, &indices);
+        let levels = simplified(&positions, &indices, &even_areas(&indices));
         let counts: Vec<usize> = levels.iter().map(|(indices, _)| indices.len() / 3).collect();
         assert!(counts.len() >= 3 && counts.is_sorted_by(|a, b| a > b), "{counts:?}");
         let area = |indices: &[u32]| -> f32 {
@@ -161,7 +170,7 @@ mod tests {
     #[test]
     fn the_error_is_that_of_the_surface() {
         let (positions, indices) = sheet(64, 0.05);
-        let levels = simplified(&positions, &indices);
+        let levels = simplified(&positions, &indices, &even_areas(&indices));
         let (_, last) = levels.last().expect("has levels");
         assert!(
             levels.is_sorted_by(|a, b| a.1 <= b.1) && (0.005..0.3).contains(last),
@@ -173,8 +182,11 @@ mod tests {
     #[test]
     fn a_small_mesh_stays() {
         let (positions, indices) = sheet(3, 0.0);
-        assert!(simplified(&positions, &indices).is_empty());
-        assert!(simplified(&[[f32::NAN; 3]; 3], &[0, 1, 2].repeat(200)).len() < 3, "does not loop for ever");
+        assert!(simplified(&positions, &indices, &even_areas(&indices)).is_empty());
+        assert!(
+            simplified(&[[f32::NAN; 3]; 3], &[0, 1, 2].repeat(200), &[0.0; 200]).len() < 3,
+            "does not loop for ever"
+        );
     }
 
     fn lods(counts: &[u32]) -> Vec<Lod> {

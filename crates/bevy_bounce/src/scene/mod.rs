@@ -19,6 +19,7 @@
 mod allocator;
 mod bounds;
 mod deform;
+mod deviation;
 mod extract;
 mod instances;
 mod lights;

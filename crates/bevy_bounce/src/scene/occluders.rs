@@ -136,13 +136,18 @@ fn spread<'a>(casters: &'a [Caster], count: u32) -> impl Iterator<Item = Surface
     })
 }
 
-/// A point of a triangle, even over consecutive indices. Roberts 2018, the R2 sequence, and Heitz 2019, "A Low-Distortion Map
-/// Between Triangle and Square".
+/// Weights of the second and third corner of a point of a triangle, 16 bits each.
 fn barycentric(index: u32) -> u32 {
+    let (b, c) = in_triangle(index);
+    (b * 65535.0) as u32 | ((c * 65535.0) as u32) << 16
+}
+
+/// A point of a triangle, even over consecutive indices: weights of its second and third corner. Roberts 2018, the R2 sequence,
+/// and Heitz 2019, "A Low-Distortion Map Between Triangle and Square".
+pub(super) fn in_triangle(index: u32) -> (f64, f64) {
     let fraction = |step: f64| ((f64::from(index) + 0.5) * step).fract();
     let (u, v) = (fraction(0.754_877_666_246_692_8), fraction(0.569_840_290_998_053_2));
-    let (b, c) = if u < v { (u / 2.0, v - u / 2.0) } else { (u - v / 2.0, v / 2.0) };
-    (b * 65535.0) as u32 | ((c * 65535.0) as u32) << 16
+    if u < v { (u / 2.0, v - u / 2.0) } else { (u - v / 2.0, v / 2.0) }
 }
 
 #[cfg(test)]

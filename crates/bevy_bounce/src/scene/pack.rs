@@ -82,9 +82,8 @@ pub(super) fn pack(mesh: &Mesh) -> Result<PackedMesh, Unusable> {
     packed.words.extend(triangles.as_flattened());
     packed.areas = running_areas(positions, &triangles);
     packed.lods.push(Lod { index_offset: packed.index_offset, triangle_count: packed.triangle_count, error: 0.0 });
-    for (indices, error) in simplified(positions, triangles.as_flattened()) {
+    for (indices, error) in simplified(positions, triangles.as_flattened(), &packed.areas) {
         let index_offset = packed.words.len() as u32;
-        packed.areas = running_areas(positions, &triangles);
         packed.lods.push(Lod { index_offset, triangle_count: indices.len() as u32 / 3, error });
         packed.words.extend(indices);
     }
