@@ -597,6 +597,4 @@ pub struct RadianceCache {
     pub padding_a: u32,
     /// Keeps rows of 16 bytes.
     pub padding_b: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_c: u32,
 }

@@ -8,10 +8,10 @@
 // side of a wall is not seen on the other.
 //
 // Coverage is projected area: what a cone meets on a step is its sum over the axes, each times how much of a texel the step
-// goes along the axis, less what looks the other way: a surface aslant faces the cone along one axis and away from it along
-// another, and only the difference is met, so that a ball is as wide as it is and does not shade itself. Where an axis has both, they are the
-// two sides of a wall, and nothing is taken off. Over a whole surface that adds up to what of the cone the surface fills, whatever the angle, the
-// level and the step. Where a layer is half open, the next one behind closes the other half; the paper multiplies, by which
+// goes along the axis. Near its start, what looks the other way is taken off: a surface aslant faces the cone that leaves it along one axis
+// and away from it along another, and only the difference is met, so that what is convex does not shade itself. Where an axis has
+// both, they are the two sides of a wall, and nothing is taken off. Over a whole surface that adds up to what of the cone the surface
+// fills, whatever the angle, the level and the step. Where a layer is half open, the next one behind closes the other half; the paper multiplies, by which
 // edges grow and closed walls leak.
 //
 // A filtered surface reaches a texel to both sides. A cone therefore starts a little before its place, so that it meets the whole
@@ -95,9 +95,10 @@ fn sample_volume(place: vec3<f32>, start: Start, direction: vec3<f32>, distance:
     let along = abs(direction) * (step / texel);
     let toward = along * not_own(start, direction, height, distance);
     let met = x.toward * toward.x + y.toward * toward.y + z.toward * toward.z;
-    // Of a surface aslant only what is left where one axis sees its back; of a wall with two sides, all.
+    // Of a surface aslant near the start only what is left where one axis sees its back; of a wall with two sides, all.
     let lone = vec3<f32>(max(x.away - x.toward.a, 0.0), max(y.away - y.toward.a, 0.0), max(z.away - z.toward.a, 0.0));
-    let coverage = max(met.a - dot(lone, along), 0.0);
+    let near = clamp(2.0 - distance / OWN_LENGTH, 0.0, 1.0);
+    let coverage = max(met.a - dot(lone, along) * near, 0.0);
     return met * (coverage / max(met.a, 1e-6));
 }
 

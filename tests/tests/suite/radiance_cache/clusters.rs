@@ -221,7 +221,7 @@ fn caches_stay_where_they_hold() {
     assert_eq!(first, caches_after(&first, &look(at)), "the same frame again");
     // A pixel at that distance.
     let pixel = 5.4 * 2.0 * (0.65_f32 / 2.0).tan() / 54.0;
-    let crept = look(at + Vec3::X * 0.5 * pixel);
+    let crept = look(at + Vec3::X * 0.05 * pixel);
     let kept = held(&caches_after(&first, &crept), &first);
     assert!(kept > 0.9, "{kept} of the caches stay");
     assert!(held(&caches_after(&none, &crept), &first) < 0.1, "they would have stayed anyway");
