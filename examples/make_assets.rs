@@ -8,7 +8,10 @@ use bevy_bounce_examples::{Error, error, glb};
 fn main() -> ExitCode {
     error::exit("make_assets", || {
         let package = std::env::var_os("CARGO_MANIFEST_DIR").unwrap_or_else(|| env!("CARGO_MANIFEST_DIR").into());
-        let path = Path::new(&package).join("../assets/cornell_box.glb");
-        std::fs::write(&path, glb::cornell_box()).map_err(|error| Error::file(&path, error))
+        for (name, bytes) in [("cornell_box.glb", glb::cornell_box()), ("glossy_box.glb", glb::glossy_box())] {
+            let path = Path::new(&package).join("../assets").join(name);
+            std::fs::write(&path, bytes).map_err(|error| Error::file(&path, error))?;
+        }
+        Ok(())
     })
 }

@@ -89,6 +89,7 @@ shaders! {
     "radiance_cache/frame.wgsl" => ["choose_axes"],
     "radiance_cache/keys.wgsl" => ["write_keys"],
     "radiance_cache/clusters.wgsl" => ["count_differences", "choose_coarseness", "count_blocks", "scan_blocks", "number_clusters"],
+    "radiance_cache/keep.wgsl" => ["keep"],
     "radiance_cache/place.wgsl" => ["place"],
     "radiance_cache/hemisphere.wgsl" => [],
     "radiance_cache/lobes.wgsl" => [],

@@ -1,6 +1,6 @@
 //! Structs that Rust and WGSL share. A test compares every one with what naga makes of its WGSL twin of the same name.
 
-use bevy::math::{UVec2, UVec3, Vec3, Vec4};
+use bevy::math::{UVec2, UVec3, Vec2, Vec3, Vec4};
 use bevy::render::render_resource::ShaderType;
 
 /// No such offset or index.
@@ -66,7 +66,7 @@ pub struct Chunk {
 /// What bounced light needs to know of a material.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Material {
-    /// Linear diffuse albedo (base colour times 1 - metallic), multiplies the thumbnail; alpha likewise.
+    /// Linear albedo, multiplies the thumbnail; alpha likewise.
     pub albedo: Vec4,
     /// Emitted radiance, cd/m^2, multiplies the emissive thumbnail.
     pub emissive: Vec3,
@@ -80,10 +80,10 @@ pub struct Material {
     pub albedo_thumbnail: u32,
     /// First word of the emissive thumbnail, or [`NONE`].
     pub emissive_thumbnail: u32,
+    /// What is reflected before light comes to the albedo, 0 to 1.
+    pub specular: f32,
     /// Keeps rows of 16 bytes.
-    pub padding_a: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_b: u32,
+    pub padding: u32,
 }
 
 /// [`Light::kind`]: point light.
@@ -190,10 +190,10 @@ pub struct ThumbnailJob {
     pub offset: u32,
     /// 1 where colours count by their alpha.
     pub masked: u32,
-    /// Metallic factor; multiplies the blue channel of the metallic texture.
-    pub metallic: f32,
-    /// Mip levels of the colour texture in the low half, of the metallic texture in the high half.
+    /// Mip levels of the texture.
     pub mip_levels: u32,
+    /// Makes it 16 bytes.
+    pub padding: u32,
 }
 
 /// Where the voxel grid lies.
@@ -589,14 +589,12 @@ pub struct RadianceCache {
     pub radius: f32,
     /// Unit normal.
     pub normal: Vec3,
-    /// Its pixel: x, and y in the upper half.
-    pub pixel: u32,
     /// How much it counts, for how many pixels it stands: 1 from a quarter of a tile on.
     pub share: f32,
+    /// Where it is on the screen, pixels.
+    pub screen: Vec2,
     /// Keeps rows of 16 bytes.
     pub padding_a: u32,
     /// Keeps rows of 16 bytes.
     pub padding_b: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_c: u32,
 }

@@ -56,7 +56,7 @@ fn fourth_power(x: f32) -> f32 {
 
 fn add_cache(lit: ptr<function, Lit>, index: u32, surface: Surface, pixel: vec2<f32>, lobe: vec3<f32>, level: f32) {
     let cache = caches[index];
-    let on_screen = (pixel - vec2<f32>(vec2<u32>(cache.pixel & 0xffffu, cache.pixel >> 16u))) / (parameters.reach * f32(parameters.tile));
+    let on_screen = (pixel - cache.screen) / (parameters.reach * f32(parameters.tile));
     let in_space = (surface.position - cache.position) / cache.radius;
     let near = cache.share * min(1.0 - dot(on_screen, on_screen), 1.0 - dot(in_space, in_space));
     if near <= 0.0 {
@@ -111,7 +111,7 @@ fn evaluate(@builtin(global_invocation_id) id: vec3<u32>) {
     var lit: Lit;
     if surface.valid {
         let deferred = textureLoad(deferred_texture, id.xy + vec2<u32>(view.main_pass_viewport.xy), 0);
-        lit = gather(surface, vec2<f32>(id.xy), unpack4x8unorm(deferred.r).a);
+        lit = gather(surface, vec2<f32>(id.xy) + 0.5, unpack4x8unorm(deferred.r).a);
         if lit.glossy_weight <= 0.0 {
             atomicAdd(&missing[COUNTER_MISSING], 1u);
         }

@@ -2,7 +2,8 @@
 //
 // The pixel looks as the cluster does on the average, lies out from its surfaces and near the line through the middle of its
 // box along that normal: (n_p . n_c + (p - c) . n_c) / (1 + d), with lengths in halves of the box's diagonal, so that the choice does not
-// depend on the unit of length. Of equal pixels the one that is first on the screen is taken.
+// depend on the unit of length. Of equal pixels the one that is first on the screen is taken. A cache that was kept from the last
+// frame stays where it is until a pixel is clearly better.
 //
 // A cache counts by its pixels up to a quarter of a tile, so that one whose cluster comes into a tile or leaves it comes and goes
 // by degrees.
@@ -14,7 +15,7 @@
 #import bevy_render::view::View
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::interleaved::surface::{Surface, unpack_surface}
-#import bevy_bounce::radiance_cache::types::{CacheGrid, CacheCounters, RadianceCache}
+#import bevy_bounce::radiance_cache::types::{CacheGrid, CacheCounters, RadianceCache, screen_place}
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> parameters: CacheGrid;
@@ -22,10 +23,16 @@
 @group(0) @binding(3) var<storage, read> counters: CacheCounters;
 @group(0) @binding(4) var<storage, read> pairs: array<vec2<u32>>;
 @group(0) @binding(5) var<storage, read> starts: array<u32>;
-@group(0) @binding(6) var<storage, read_write> caches: array<RadianceCache>;
+@group(0) @binding(6) var<storage, read> last: array<RadianceCache>;
+// As `keep.wgsl` leaves it.
+@group(0) @binding(7) var<storage, read> kept: array<u32>;
+// One without radius is none.
+@group(0) @binding(8) var<storage, read_write> caches: array<RadianceCache>;
 
 const GROUP: u32 = 64u;
 const LOWEST: f32 = -3e38;
+/// By how much the score of a pixel has to be better than that of a cache that was kept.
+const CLEARLY: f32 = 0.5;
 
 var<workgroup> lows: array<vec3<f32>, GROUP>;
 var<workgroup> highs: array<vec3<f32>, GROUP>;
@@ -78,6 +85,17 @@ fn find_middle(first: u32, end: u32, lane: u32) -> Middle {
     return middle;
 }
 
+// A pixel, or the cache that was kept there.
+fn candidate(pixel: u32) -> Surface {
+    var surface = load(pixel);
+    if kept[pixel] != 0u {
+        let cache = last[kept[pixel] - 1u];
+        surface.position = cache.position;
+        surface.normal = cache.normal;
+    }
+    return surface;
+}
+
 fn score(surface: Surface, middle: Middle) -> f32 {
     let unit = max(middle.extent, 1e-3 * surface.footprint);
     let way = (surface.position - middle.center) / max(unit, 1e-20);
@@ -90,10 +108,11 @@ fn choose(first: u32, end: u32, middle: Middle, lane: u32) -> u32 {
     var best = LOWEST;
     var pixel = 0xffffffffu;
     for (var i = first + lane; i < end; i += GROUP) {
-        let candidate = score(load(pairs[i].y), middle);
-        if candidate > best || (candidate == best && pairs[i].y < pixel) {
-            best = candidate;
-            pixel = pairs[i].y;
+        let at = pairs[i].y;
+        let value = score(candidate(at), middle) + select(0.0, CLEARLY, kept[at] != 0u);
+        if value > best || (value == best && at < pixel) {
+            best = value;
+            pixel = at;
         }
     }
     scores[lane] = best;
@@ -135,19 +154,22 @@ fn farthest(first: u32, end: u32, from_here: vec3<f32>, lane: u32) -> f32 {
 fn place(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let cluster = folded_index(group);
     if cluster >= counters.clusters {
+        if lane == 0u && cluster < arrayLength(&caches) {
+            caches[cluster].radius = 0.0;
+        }
         return;
     }
     let first = starts[cluster];
     let end = starts[cluster + 1u];
     let middle = find_middle(first, end, lane);
     let pixel = choose(first, end, middle, lane);
-    let surface = load(pixel);
+    let surface = candidate(pixel);
     let extent = farthest(first, end, surface.position, lane);
     if lane == 0u {
         let across = f32(parameters.tile) * surface.footprint;
         let radius = parameters.reach * max(extent, across);
-        let at = (pixel % parameters.size.x) | (pixel / parameters.size.x << 16u);
+        let screen = screen_place(view.clip_from_world * vec4<f32>(surface.position, 1.0), parameters.size);
         let share = min(f32(end - first) * 4.0 / f32(parameters.tile * parameters.tile), 1.0);
-        caches[cluster] = RadianceCache(surface.position, max(radius, 1e-20), surface.normal, at, share, 0u, 0u, 0u);
+        caches[cluster] = RadianceCache(surface.position, max(radius, 1e-20), surface.normal, share, screen, 0u, 0u);
     }
 }

@@ -45,11 +45,15 @@ struct RadianceCache {
     position: vec3<f32>,
     radius: f32,
     normal: vec3<f32>,
-    pixel: u32,
     share: f32,
+    screen: vec2<f32>,
     padding_a: u32,
     padding_b: u32,
-    padding_c: u32,
+}
+
+/// Where on a screen of that many pixels a point of clip space is, pixels.
+fn screen_place(clip: vec4<f32>, size: vec2<u32>) -> vec2<f32> {
+    return (clip.xy / clip.w * vec2<f32>(0.5, -0.5) + 0.5) * vec2<f32>(size);
 }
 
 /// First texel of what a cache takes of the atlas.

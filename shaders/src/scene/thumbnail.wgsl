@@ -1,22 +1,20 @@
 // A texture as 16x16 means: one workgroup a texel of the thumbnail, RGBA8, colour as the square root of linear.
 //
-// Metals have no diffuse colour, so that the metallic texture darkens the means. Where a texture has mip levels a coarse
-// one is read; where it has none, up to 32x32 of the texels are, evenly spread.
+// Where a texture has mip levels a coarse one is read; where it has none, up to 32x32 of the texels are, evenly spread.
 
 #import bevy_bounce::shared::scene::THUMBNAIL_SIZE
 
 struct ThumbnailJob {
     offset: u32,
     masked: u32,
-    metallic: f32,
-    // Of the colour texture in the low half, of the metallic one in the high half: GLSL ES cannot ask a texture.
+    // GLSL ES cannot ask a texture.
     mip_levels: u32,
+    padding: u32,
 }
 
 @group(0) @binding(0) var<uniform> job: ThumbnailJob;
 @group(0) @binding(1) var color_texture: texture_2d<f32>;
-@group(0) @binding(2) var metallic_texture: texture_2d<f32>;
-@group(0) @binding(3) var<storage, read_write> thumbnails: array<u32>;
+@group(0) @binding(2) var<storage, read_write> thumbnails: array<u32>;
 
 const THREADS: u32 = 64u;
 /// Texels read along an axis, at most.
@@ -36,14 +34,10 @@ fn coarse_level(size: vec2<u32>, levels: u32) -> u32 {
 
 @compute @workgroup_size(64)
 fn average(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
-    let level = coarse_level(textureDimensions(color_texture), job.mip_levels & 0xffffu);
+    let level = coarse_level(textureDimensions(color_texture), job.mip_levels);
     let size = textureDimensions(color_texture, level);
-    let metallic_level = coarse_level(textureDimensions(metallic_texture), job.mip_levels >> 16u);
-    let metallic_size = textureDimensions(metallic_texture, metallic_level);
-    // The grain is that of the finer of the two.
-    let grain = max(size, metallic_size);
     let start = vec2<f32>(group.xy) / f32(THUMBNAIL_SIZE);
-    let count = clamp(grain / THUMBNAIL_SIZE, vec2<u32>(1u), vec2<u32>(SAMPLES));
+    let count = clamp(size / THUMBNAIL_SIZE, vec2<u32>(1u), vec2<u32>(SAMPLES));
     let step = 1.0 / (f32(THUMBNAIL_SIZE) * vec2<f32>(count));
 
     var sum = vec4<f32>(0.0);
@@ -51,11 +45,9 @@ fn average(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     for (var i = thread; i < count.x * count.y; i += THREADS) {
         let uv = start + (vec2<f32>(vec2<u32>(i % count.x, i / count.x)) + 0.5) * step;
         let texel = min(vec2<u32>(uv * vec2<f32>(size)), size - 1u);
-        let metallic_texel = min(vec2<u32>(uv * vec2<f32>(metallic_size)), metallic_size - 1u);
         let color = clamp(textureLoad(color_texture, texel, level), vec4<f32>(0.0), vec4<f32>(1.0));
-        let metallic = textureLoad(metallic_texture, metallic_texel, metallic_level).b * job.metallic;
         let weight = select(1.0, color.a, job.masked != 0u);
-        sum += vec4<f32>(color.rgb * (1.0 - clamp(metallic, 0.0, 1.0)) * weight, color.a);
+        sum += vec4<f32>(color.rgb * weight, color.a);
         total += weight;
     }
     sums[thread] = sum;

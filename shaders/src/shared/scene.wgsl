@@ -49,8 +49,8 @@ struct Material {
     uv_y: vec4<f32>,
     albedo_thumbnail: u32,
     emissive_thumbnail: u32,
-    padding_a: u32,
-    padding_b: u32,
+    specular: f32,
+    padding: u32,
 }
 
 struct Light {

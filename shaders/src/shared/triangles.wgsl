@@ -101,13 +101,14 @@ fn thumbnail_color(material: Material, thumbnail: u32, uv: vec2<f32>) -> vec4<f3
     return vec4<f32>(stored.rgb * stored.rgb, stored.a);
 }
 
-/// Linear albedo and alpha of the surface at a point of it.
+/// Linear albedo and alpha of the surface at a point of it; what it reflects before that is part of it.
 fn surface_albedo(t: Triangle, p: vec3<f32>) -> vec4<f32> {
     let material = materials[t.material];
     var albedo = material.albedo;
     if material.albedo_thumbnail != NONE {
         albedo *= thumbnail_color(material, material.albedo_thumbnail, triangle_uv(t, p));
     }
+    albedo = vec4<f32>(mix(albedo.rgb, vec3<f32>(1.0), material.specular), albedo.a);
     if t.albedo_override != 0u {
         albedo = vec4<f32>(unpack4x8unorm(t.albedo_override).rgb, 1.0);
     }

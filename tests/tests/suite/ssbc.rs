@@ -65,6 +65,7 @@ impl Eye {
             bytes[at..at + 4 * floats.len()].copy_from_slice(bytemuck::cast_slice(floats));
         };
         put("world_from_clip", &self.world_from_clip().to_cols_array());
+        put("clip_from_world", &self.world_from_clip().inverse().to_cols_array());
         put("world_from_view", &self.place.to_matrix().to_cols_array());
         put("clip_from_view", &self.clip_from_view.to_cols_array());
         put("world_position", &self.place.translation.to_array());

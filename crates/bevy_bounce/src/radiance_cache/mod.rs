@@ -14,7 +14,8 @@
 //! | `fill`, `reduce` | voxel, level by level | the above | light and coverage by facing |
 //! | `choose_axes` | tile of the screen | normals | its three axes |
 //! | `write_keys`, sort, `count_differences` to `number_clusters` | pixel | tile, facing, slice of depth | clusters |
-//! | `place` | cluster | its pixels | a cache |
+//! | `keep` | cache of the last frame | what its place shows now | which caches stay |
+//! | `place` | cluster | its pixels, what stays | a cache |
 //! | `create` | cache | the levels | its hemisphere, convolved |
 //! | `evaluate` | pixel | the caches around | glossy light; diffuse light |
 //!
@@ -24,20 +25,22 @@
 //! |---|---|---|
 //! | voxel light: cells | 48 a cell: 6 MiB at 64^3 | place, irradiance, emission |
 //! | voxel light: levels | 112 a voxel: 15 MiB at 64^3 | six facings, half floats, relative to the scene's mean light |
-//! | clusters | 16 a pixel, and counts | key and pixel, twice for the sort |
+//! | clusters | 20 a pixel, and counts | key and pixel, twice for the sort; which cache is kept there |
 //! | atlas | 4 KiB a cache: 16 MiB at 2 million pixels | 16x16 as it comes, 3 x 8x8 by roughness, 8x8 by cosine |
 //!
 //! # Where it differs from the paper
 //!
 //! Voxels have six facings, so that a surface does not shade itself and walls do not leak. Levels of a cache are convolved with
 //! their lobes instead of being means of four texels. All that decides about clusters is in whole numbers, and the score of a
-//! place does not depend on the unit of length. Where there is no room for a cache for every cluster, depth is sliced more
+//! place does not depend on the unit of length. A cache stays where it was while that is on its surface and no place in its
+//! cluster is clearly better; its light is made anew every frame. Where there is no room for a cache for every cluster, depth is sliced more
 //! coarsely, then facings are merged.
 //!
 //! # What it cannot know
 //!
 //! Light from outside of the grid, such as the sky, is not in the caches. A reflection is as sharp as a texel of a cache, ten degrees,
-//! at most, and as fine as a voxel. Clearcoat has no reflection from caches.
+//! at most, and as fine as a voxel. Clearcoat has no reflection from caches. What is glossy lights others as if it were matt.
+//! At a distance, what is aslant to the axes of the grid closes more of a cone than it fills, by up to three quarters at its outline.
 
 mod counters;
 mod light;

@@ -30,6 +30,7 @@ struct Groups {
     axes: BindGroup,
     keys: BindGroup,
     clusters: BindGroup,
+    keep: BindGroup,
     place: BindGroup,
 }
 
@@ -64,6 +65,7 @@ impl Groups {
             whole(&held.starts),
             whole(&held.ranges),
         ];
+        let keep = [view.clone(), parameters.clone(), texture(surface), whole(&held.last), whole(&held.kept)];
         let place = [
             view.clone(),
             parameters,
@@ -71,12 +73,15 @@ impl Groups {
             whole(&held.counters),
             sorted,
             whole(&held.starts),
+            whole(&held.last),
+            whole(&held.kept),
             whole(&held.caches),
         ];
         Some(Self {
             axes: p.choose_axes.bind(device, cache, &axes),
             keys: p.write_keys.bind(device, cache, &keys),
             clusters: p.count_blocks.bind(device, cache, &clusters),
+            keep: p.keep.bind(device, cache, &keep),
             place: p.place.bind(device, cache, &place),
         })
     }
@@ -106,6 +111,9 @@ fn distribute(
     p.count_blocks.dispatch(encoder, cache, &clusters, blocks);
     p.scan_blocks.dispatch(encoder, cache, &clusters, UVec3::ONE);
     p.number_clusters.dispatch(encoder, cache, &clusters, blocks);
+    encoder.copy_buffer_to_buffer(&held.caches, 0, &held.last, 0, held.caches.size());
+    encoder.clear_buffer(&held.kept, 0, None);
+    p.keep.dispatch(encoder, cache, &[&groups.keep], folded(parameters.capacity.div_ceil(GROUP)));
     p.place.dispatch(encoder, cache, &[&groups.place], folded(parameters.capacity));
 }
 

@@ -37,6 +37,7 @@ pub(super) struct CachePipelines {
     pub count_blocks: Kernel,
     pub scan_blocks: Kernel,
     pub number_clusters: Kernel,
+    pub keep: Kernel,
     pub place: Kernel,
     pub create: Kernel,
     evaluate_glossy: Kernel,
@@ -123,8 +124,10 @@ pub(super) fn init_cache_pipelines(
     // Parameters, pairs; counters, blocks, starts, ranges.
     let clusters = [uniform, read, write, write, write, write];
     let cluster = |entry| kernel("radiance_cache/clusters.wgsl", entry, &clusters, &[], vec![]);
-    // View, parameters, surface; counters, pairs, starts; caches.
-    let place = [uniform, uniform, words, read, read, read, write];
+    // View, parameters, surface; last frame's caches; which are kept.
+    let keep = [uniform, uniform, words, read, write];
+    // View, parameters, surface; counters, pairs, starts; last frame's caches, which are kept; caches.
+    let place = [uniform, uniform, words, read, read, read, read, read, write];
     // View, parameters, surface, G-buffer; atlas and sampler; unit, caches, ranges; counters; glossy and diffuse light.
     let evaluate = [uniform, uniform, words, words, light, filtering, read, read, read, write, output, output];
     let frames = [uniform, words, write];
@@ -138,6 +141,7 @@ pub(super) fn init_cache_pipelines(
         count_blocks: cluster("count_blocks"),
         scan_blocks: cluster("scan_blocks"),
         number_clusters: cluster("number_clusters"),
+        keep: kernel("radiance_cache/keep.wgsl", "keep", &keep, &[], vec![]),
         place: kernel("radiance_cache/place.wgsl", "place", &place, &[], vec![]),
         create: kernel("radiance_cache/create.wgsl", "create", &[read, read, output], &[volume_layout()], vec![]),
         evaluate_glossy: evaluation(&evaluate[..11], vec![]),

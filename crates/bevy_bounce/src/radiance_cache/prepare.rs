@@ -44,6 +44,10 @@ pub(crate) struct CacheBuffers {
     pub ranges: Buffer,
     /// Where each cache is.
     pub caches: Buffer,
+    /// Where each was in the last frame.
+    pub last: Buffer,
+    /// Of each pixel, which of those is kept.
+    pub kept: Buffer,
     /// What each cache holds.
     pub atlas: TextureView,
     texture: Texture,
@@ -112,6 +116,8 @@ impl CacheBuffers {
             starts: buffer("bounce_cache_starts", 4 * (capacity + 1)),
             ranges: buffer("bounce_cache_ranges", 8 * tiles),
             caches: buffer("bounce_cache_places", capacity * RadianceCache::min_size().get()),
+            last: buffer("bounce_cache_last_places", capacity * RadianceCache::min_size().get()),
+            kept: buffer("bounce_caches_kept", 4 * u64::from(pixels)),
             atlas: texture.create_view(&TextureViewDescriptor::default()),
             texture,
         }
@@ -127,11 +133,9 @@ impl CacheBuffers {
     pub fn bytes(&self) -> [(&'static str, u64); 2] {
         let texels = u64::from(self.texture.width()) * u64::from(self.texture.height());
         let clusters = [&self.frames, &self.pair_count, &self.counters, &self.blocks, &self.starts, &self.ranges];
-        let clusters: u64 = clusters.iter().map(|buffer| buffer.size()).sum();
-        [
-            ("radiance cache: clusters", clusters + self.order.bytes() + self.caches.size()),
-            ("radiance cache: atlas", 8 * texels),
-        ]
+        let places = [&self.caches, &self.last, &self.kept];
+        let bytes: u64 = clusters.iter().chain(&places).map(|buffer| buffer.size()).sum();
+        [("radiance cache: clusters", bytes + self.order.bytes()), ("radiance cache: atlas", 8 * texels)]
     }
 }
 

@@ -1,7 +1,8 @@
 //! What bounced light needs to know of a `StandardMaterial`.
 //!
-//! - Diffuse albedo is base colour times 1 - metallic (factor and texture) and 1 - diffuse transmission, as in Bevy's
-//!   lighting.
+//! - Albedo is base colour times 1 - diffuse transmission, as in Bevy's lighting, and as well for metals: they send on what they
+//!   reflect, which is nearly their base colour at every roughness, and it counts as if they did so evenly to all sides. So does
+//!   what dielectrics reflect before light comes to their colour: two to eight percent.
 //! - Blended, additive, multiplied and premultiplied surfaces, and those that transmit specularly (glass), are not there:
 //!   light passes them. Masked surfaces are there where alpha reaches their cutoff; alpha to coverage cuts at 0.5.
 //! - Unlit surfaces are as bright as their base colour whatever shines on them: they neither reflect nor emit, and block.
@@ -11,7 +12,7 @@
 //! - Textures count as thumbnails of 16x16 means; until they are loaded the surface is not there, as in Bevy.
 //! - Vertex colours and second UV sets are not looked at.
 
-use bevy::math::{Affine2, Vec3, Vec4};
+use bevy::math::{Affine2, Vec2, Vec3, Vec4};
 use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
@@ -24,12 +25,34 @@ use super::extract::{ExtractedMaterials, SceneCameras};
 use super::table::{GpuTable, buffer_limit};
 use super::thumbnails::{Thumbnail, ThumbnailKey, Thumbnails};
 
+/// Mean over the hemisphere, weighted by its cosine, of what GGX reflects at the perceptual roughness 0, 1/4, 1/2, 3/4 and 1: factor
+/// of the reflectance of the surface as seen from above, and what is added to it. Schlick's Fresnel, Smith's shadowing, one bounce.
+const GGX_ALBEDO: [Vec2; 5] = [
+    Vec2::new(0.952, 0.0476),
+    Vec2::new(0.946, 0.0390),
+    Vec2::new(0.862, 0.0190),
+    Vec2::new(0.653, 0.0072),
+    Vec2::new(0.406, 0.0027),
+];
+
+/// Share of light that a dielectric reflects at its surface.
+fn dielectric_albedo(material: &StandardMaterial) -> f32 {
+    let unit = |x: f32| if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.0 };
+    let f_zero = 0.16 * unit(material.reflectance).powi(2);
+    let at = 4.0 * unit(material.perceptual_roughness);
+    let below = (at as usize).min(3);
+    let ggx = GGX_ALBEDO[below].lerp(GGX_ALBEDO[below + 1], at - below as f32);
+    // As in Bevy's lighting: less than two percent is to reflect nothing.
+    (f_zero * ggx.x + ggx.y) * (50.0 * f_zero).min(1.0)
+}
+
 /// The part of a `StandardMaterial` that counts.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Surface {
     /// Linear; alpha as in the material. Multiplies the thumbnail.
     albedo: Vec4,
     albedo_thumbnail: Option<ThumbnailKey>,
+    specular: f32,
     /// As in the material. Multiplies the thumbnail.
     emissive: Vec3,
     emissive_thumbnail: Option<ThumbnailKey>,
@@ -56,32 +79,21 @@ impl Surface {
         };
         let transparent = material.specular_transmission > 0.0
             || !matches!(material.alpha_mode, AlphaMode::Opaque | AlphaMode::Mask(_) | AlphaMode::AlphaToCoverage);
-        let metallic = unit(material.metallic);
-        let metallic_texture =
-            material.metallic_roughness_texture.as_ref().filter(|_| metallic > 0.0 && !material.unlit).map(Handle::id);
-        let albedo_scale = match (material.unlit, metallic_texture) {
-            (true, _) => 0.0,
-            (false, None) => (1.0 - metallic) * (1.0 - unit(material.diffuse_transmission)),
-            (false, Some(_)) => 1.0 - unit(material.diffuse_transmission),
-        };
+        let albedo_scale = if material.unlit { 0.0 } else { 1.0 - unit(material.diffuse_transmission) };
         let masked = alpha_cutoff > 0.0;
-        let color = material.base_color_texture.as_ref().filter(|_| masked || !material.unlit).map(Handle::id);
-        let albedo_thumbnail = (color.is_some() || metallic_texture.is_some()).then(|| ThumbnailKey {
-            color,
-            metallic: metallic_texture,
-            metallic_factor: metallic_texture.map_or(0, |_| metallic.to_bits()),
-            masked,
-        });
+        let color = material.base_color_texture.as_ref().filter(|_| masked || !material.unlit);
+        let albedo_thumbnail = color.map(|image| ThumbnailKey { image: image.id(), masked });
         let emissive = Vec3::from(material.emissive.to_f32_array_no_alpha().map(|x| finite(x).max(0.0)));
         let emissive = if material.unlit { Vec3::ZERO } else { emissive };
         let emissive_thumbnail = material
             .emissive_texture
             .as_ref()
             .filter(|_| emissive != Vec3::ZERO)
-            .map(|image| ThumbnailKey { color: Some(image.id()), metallic: None, metallic_factor: 0, masked: false });
+            .map(|image| ThumbnailKey { image: image.id(), masked: false });
         Self {
             albedo: Vec4::from_array(base_color) * Vec3::splat(albedo_scale).extend(1.0),
             albedo_thumbnail,
+            specular: if material.unlit { 0.0 } else { (1.0 - unit(material.metallic)) * dielectric_albedo(material) },
             emissive,
             emissive_thumbnail,
             emissive_exposure_weight: unit(material.emissive_exposure_weight),
@@ -113,8 +125,8 @@ impl Surface {
             uv_y: row(uv.matrix2.x_axis.y, uv.matrix2.y_axis.y, uv.translation.y),
             albedo_thumbnail: offset(self.albedo_thumbnail),
             emissive_thumbnail: offset(self.emissive_thumbnail),
-            padding_a: 0,
-            padding_b: 0,
+            specular: self.specular,
+            padding: 0,
         }
     }
 }
@@ -268,10 +280,25 @@ mod tests {
     }
 
     #[test]
-    fn metals_have_no_diffuse_albedo() {
-        let material =
-            StandardMaterial { base_color: LinearRgba::rgb(0.5, 1.0, 0.25).into(), metallic: 0.5, ..default() };
-        assert!(gpu(material, 1.0).albedo.abs_diff_eq(Vec4::new(0.25, 0.5, 0.125, 1.0), 1e-6));
+    fn metals_send_their_base_color_on() {
+        for metallic in [0.0, 0.5, 1.0] {
+            let material =
+                StandardMaterial { base_color: LinearRgba::rgb(0.5, 1.0, 0.25).into(), metallic, ..default() };
+            assert!(gpu(material, 1.0).albedo.abs_diff_eq(Vec4::new(0.5, 1.0, 0.25, 1.0), 1e-6));
+        }
+    }
+
+    /// As a path tracer's GGX does, by quadrature; matt surfaces and metals have nothing before their colour.
+    #[test]
+    fn dielectrics_reflect_at_their_surface() {
+        let of = |reflectance, perceptual_roughness, metallic| {
+            gpu(StandardMaterial { reflectance, perceptual_roughness, metallic, ..default() }, 1.0).specular
+        };
+        for (roughness, expected) in [(0.15, 0.0834), (0.3, 0.0728), (0.5, 0.0535), (0.65, 0.0403), (0.8, 0.0297)] {
+            assert!((of(0.5, roughness, 0.0) - expected).abs() < 0.004, "{roughness}: {}", of(0.5, roughness, 0.0));
+        }
+        assert_eq!((of(0.0, 1.0, 0.0), of(0.5, 0.3, 1.0)), (0.0, 0.0));
+        assert!(of(f32::NAN, f32::INFINITY, 0.0) == 0.0 && of(1e9, 0.0, 0.0) < 0.25);
     }
 
     #[test]

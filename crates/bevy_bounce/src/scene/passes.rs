@@ -38,12 +38,8 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     commands.insert_resource(ScenePipelines {
         // Geometry, jobs, chunks, pose.
         deform: kernel("scene/deform.wgsl", "deform", &[write, read, read, read]),
-        // Job, colour, metallic, thumbnails.
-        thumbnail: kernel(
-            "scene/thumbnail.wgsl",
-            "average",
-            &[uniform_buffer_sized(false, None), texture, texture, write],
-        ),
+        // Job, colour, thumbnails.
+        thumbnail: kernel("scene/thumbnail.wgsl", "average", &[uniform_buffer_sized(false, None), texture, write]),
     });
 }
 
@@ -68,21 +64,15 @@ pub(super) fn scene_pass(
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/scene");
 
-    let view = |image: Option<AssetId<Image>>| {
-        let image = image.and_then(|id| images.get(id)).unwrap_or(&fallback.d2);
-        BindingResource::TextureView(&image.texture_view)
-    };
     for QueuedThumbnail { key, job } in &thumbnails.queue {
         let job = device.create_buffer_with_data(&BufferInitDescriptor {
             label: Some("bounce_thumbnail_job"),
             contents: bytemuck::cast_slice(&job_words(job)),
             usage: BufferUsages::UNIFORM,
         });
-        let group = pipelines.thumbnail.bind(
-            &device,
-            &cache,
-            &[whole(&job), view(key.color), view(key.metallic), whole(&buffers.thumbnails)],
-        );
+        let image = images.get(key.image).unwrap_or(&fallback.d2);
+        let color = BindingResource::TextureView(&image.texture_view);
+        let group = pipelines.thumbnail.bind(&device, &cache, &[whole(&job), color, whole(&buffers.thumbnails)]);
         pipelines.thumbnail.dispatch(encoder, &cache, &[&group], UVec3::new(THUMBNAIL_SIZE, THUMBNAIL_SIZE, 1));
     }
 
@@ -100,5 +90,5 @@ pub(super) fn scene_pass(
 }
 
 fn job_words(job: &ThumbnailJob) -> [u32; 4] {
-    [job.offset, job.masked, job.metallic.to_bits(), job.mip_levels]
+    [job.offset, job.masked, job.mip_levels, job.padding]
 }

@@ -1,8 +1,8 @@
 //! Textures as 16x16 means, so that a large textured wall is not one colour.
 //!
 //! A thumbnail is 256 words of one buffer, made on the GPU by `scene/thumbnail.wgsl` when the texture arrives or changes:
-//! base colour times 1 - metallic (the metallic texture is averaged in), or the emissive texture. Any two-dimensional
-//! texture that can be read as floats will do, whatever its compression. What is above 1 in an emissive texture counts as 1.
+//! base colour, or the emissive texture. Any two-dimensional texture that can be read as floats will do, whatever its
+//! compression. What is above 1 in an emissive texture counts as 1.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,28 +27,18 @@ const WORDS: u32 = THUMBNAIL_SIZE * THUMBNAIL_SIZE;
 /// What a thumbnail is made from.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
 pub(super) struct ThumbnailKey {
-    /// Its colours; white without.
-    pub color: Option<AssetId<Image>>,
-    /// Its blue channel darkens them.
-    pub metallic: Option<AssetId<Image>>,
-    /// Bits of the factor of the metallic texture.
-    pub metallic_factor: u32,
+    /// Its colours.
+    pub image: AssetId<Image>,
     /// Colours count by their alpha.
     pub masked: bool,
-}
-
-impl ThumbnailKey {
-    fn images(&self) -> impl Iterator<Item = AssetId<Image>> {
-        self.color.into_iter().chain(self.metallic)
-    }
 }
 
 /// What a material gets for a key.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Thumbnail {
-    /// Its images are not loaded yet.
+    /// Its image is not loaded yet.
     Pending,
-    /// An image has no two-dimensional colours, or there is no room: the material goes without.
+    /// The image has no two-dimensional colours, or there is no room: the material goes without.
     None,
     /// First word in the buffer.
     At(u32),
@@ -174,7 +164,7 @@ pub(super) fn collect_images(mut thumbnails: ResMut<Thumbnails>, extracted: Res<
     }
     let thumbnails = &mut *thumbnails;
     for (slot, key) in &thumbnails.by_slot {
-        if key.images().any(|image| extracted.added.contains(&image)) {
+        if extracted.added.contains(&key.image) {
             thumbnails.wanted.insert(*slot);
         }
     }
@@ -194,7 +184,7 @@ fn is_readable(image: &GpuImage) -> bool {
         && matches!(format.sample_type(None, None), Some(TextureSampleType::Float { .. }))
 }
 
-/// Queues the thumbnails whose images are there.
+/// Queues the thumbnails whose image is there.
 pub(super) fn update_thumbnails(
     mut thumbnails: ResMut<Thumbnails>,
     images: Res<RenderAssets<GpuImage>>,
@@ -213,25 +203,18 @@ pub(super) fn update_thumbnails(
     for slot in std::mem::take(&mut thumbnails.wanted) {
         let Some(&key) = thumbnails.by_slot.get(&slot) else { continue };
         let Some(entry) = thumbnails.entries.get_mut(&key) else { continue };
-        if !key.images().all(|image| images.get(image).is_some()) {
+        let Some(image) = images.get(key.image) else {
             thumbnails.wanted.insert(slot);
             continue;
-        }
-        let readable = key.images().all(|image| images.get(image).is_some_and(is_readable));
+        };
+        let readable = is_readable(image);
         let offset = slot * WORDS;
         let state = if readable { Thumbnail::At(offset) } else { Thumbnail::None };
         thumbnails.settled |= entry.state != state;
         entry.state = state;
         if readable {
-            let levels = |image: Option<AssetId<Image>>| {
-                image.and_then(|id| images.get(id)).map_or(1, |image| image.texture.mip_level_count())
-            };
-            let job = ThumbnailJob {
-                offset,
-                masked: u32::from(key.masked),
-                metallic: f32::from_bits(key.metallic_factor),
-                mip_levels: levels(key.color) | levels(key.metallic) << 16,
-            };
+            let mip_levels = image.texture.mip_level_count();
+            let job = ThumbnailJob { offset, masked: u32::from(key.masked), mip_levels, padding: 0 };
             thumbnails.queue.push(QueuedThumbnail { key, job });
         }
     }

@@ -127,14 +127,26 @@ fn flat_tiles_have_one_cluster() {
     assert_eq!(thin.starts.len() - 1, 4, "what faces apart is together: {:?}", thin.ranges);
 }
 
-/// Adds caches to clusters.
-fn place(eye: &Eye, grid: &CacheGrid, resources: Resources) -> (Resources, Vec<RadianceCache>) {
+/// Adds caches to clusters, and keeps those of the last frame that hold.
+fn place_after(
+    last: &[RadianceCache],
+    eye: &Eye,
+    grid: &CacheGrid,
+    resources: Resources,
+) -> (Resources, Vec<RadianceCache>) {
     let resources = resources
         .bytes("view", &eye.uniform())
-        .structs("caches", &vec![RadianceCache::default(); grid.capacity as usize]);
+        .structs("last", last)
+        .zeroed("kept", grid.size.element_product() as usize)
+        .structs("caches", &vec![RadianceCache { radius: 9.0, ..Default::default() }; grid.capacity as usize]);
+    run(gpu(), "radiance_cache/keep.wgsl", "keep", &resources, [grid.capacity.div_ceil(64), 1, 1]);
     run(gpu(), "radiance_cache/place.wgsl", "place", &resources, [grid.capacity, 1, 1]);
     let caches = resources.read_structs("caches").expect("reads back");
     (resources, caches)
+}
+
+fn place(eye: &Eye, grid: &CacheGrid, resources: Resources) -> (Resources, Vec<RadianceCache>) {
+    place_after(&vec![RadianceCache::default(); grid.capacity as usize], eye, grid, resources)
 }
 
 /// The paper's score, with lengths in halves of the box's diagonal.
@@ -155,7 +167,8 @@ fn caches_are_where_the_score_is_highest() {
         let members = &twin.order[members[0] as usize..members[1] as usize];
         let at = |pixel: u32| UVec2::new(pixel % eye.size.x, pixel / eye.size.x);
         let surface = |pixel: &u32| gbuffer.surface_at(at(*pixel)).expect("has a surface");
-        let chosen = (cache.pixel & 0xffff) + (cache.pixel >> 16) * eye.size.x;
+        let pixel = cache.screen.floor().as_uvec2();
+        let chosen = pixel.x + pixel.y * eye.size.x;
         assert!(members.contains(&chosen), "a cache is on a pixel of its cluster");
         let (position, normal, ..) = surface(&chosen);
         assert!(position.distance(cache.position) < 1e-3 * position.length(), "{position} {cache:?}");
@@ -173,6 +186,48 @@ fn caches_are_where_the_score_is_highest() {
         let reach = positions.iter().map(|p| p.distance(cache.position)).fold(0.0, f32::max);
         assert!(cache.radius > 1.9 * reach, "{} of {reach}", cache.radius);
     }
+}
+
+/// The same frame again has the same caches to the bit, and a camera that creeps keeps nearly all of them. What lies off its
+/// surface is not kept; what is kept still lights all of its cluster.
+#[test]
+fn caches_stay_where_they_hold() {
+    let look = |at: Vec3| Eye::new(UVec2::new(96, 54), at, at + Vec3::new(-0.3, -0.3, -5.4), 0.65);
+    let at = Vec3::new(0.3, 1.9, 5.4);
+    let caches_after = |last: &[RadianceCache], eye: &Eye| {
+        let gbuffer = eye.look(&room());
+        let grid = grid(eye.size, 16, 512, 8);
+        let resources = shipped(&grid, &gbuffer.surface);
+        let clusters = counters(&resources).clusters as usize;
+        let (_, caches) = place_after(last, eye, &grid, resources);
+        assert!(caches[clusters..].iter().all(|cache| cache.radius == 0.0), "what is no cache is none");
+        let twin = cluster(&grid, &gbuffer.surface);
+        for (cache, members) in caches.iter().zip(twin.starts.windows(2)) {
+            let reach = twin.order[members[0] as usize..members[1] as usize].iter().map(|pixel| {
+                let surface = gbuffer.surface_at(UVec2::new(pixel % eye.size.x, pixel / eye.size.x));
+                surface.expect("has a surface").0.distance(cache.position)
+            });
+            assert!(cache.radius > 1.9 * reach.fold(0.0, f32::max), "{cache:?}");
+        }
+        caches
+    };
+    let held = |caches: &[RadianceCache], last: &[RadianceCache]| {
+        let is_held = |cache: &&RadianceCache| last.iter().any(|other| other.position == cache.position);
+        let (all, held) = (caches.iter().filter(|cache| cache.radius > 0.0), caches.iter().filter(|c| c.radius > 0.0));
+        held.filter(is_held).count() as f32 / all.count() as f32
+    };
+    let none = vec![RadianceCache::default(); 512];
+    let first = caches_after(&none, &look(at));
+    assert_eq!(first, caches_after(&first, &look(at)), "the same frame again");
+    // A pixel at that distance.
+    let pixel = 5.4 * 2.0 * (0.65_f32 / 2.0).tan() / 54.0;
+    let crept = look(at + Vec3::X * 0.05 * pixel);
+    let kept = held(&caches_after(&first, &crept), &first);
+    assert!(kept > 0.9, "{kept} of the caches stay");
+    assert!(held(&caches_after(&none, &crept), &first) < 0.1, "they would have stayed anyway");
+    let lifted = |cache: &RadianceCache| RadianceCache { position: cache.position + 0.2 * cache.normal, ..*cache };
+    let lifted: Vec<_> = first.iter().map(lifted).collect();
+    assert_eq!(held(&caches_after(&lifted, &look(at)), &lifted), 0.0, "what is off its surface does not hold");
 }
 
 /// A hundred cameras in a room, some with little room for caches: no pixel is without light.
