@@ -12,7 +12,8 @@
 //! - is within `d` pixels of the sender's horizon, or the sender within `d` pixels of its own: one's plane is edge on for
 //!   the other, and what turns by a pixel faces away.
 //!
-//! What chance would make of it is told beside: the share of all pairs that lies within a texel.
+//! What chance would make of it is told beside: the share of all pairs that lies within a texel. Left are surfaces so close
+//! behind each other that a pixel, seen aslant, reaches deeper than the gap between them: the depth that it keeps is of one place.
 //!
 //! Receivers move in the atlas and silhouettes are the mesh's own edges, because neither a curved surface's tangent plane
 //! nor the sender's plane, seen edge on, says where the surface ends.
