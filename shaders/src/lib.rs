@@ -39,6 +39,8 @@ shaders! {
     "sort/radix.wgsl" => ["count_digits", "scan_digits", "scatter"],
     "scene/deform.wgsl" => ["deform"],
     "scene/thumbnail.wgsl" => ["average"],
+    "avg/queue.wgsl" => [],
+    "avg/bricks.wgsl" => ["size_bricks"],
     "avg/voxelize.wgsl" => ["triangles", "bricks"],
     "avg/cells.wgsl" => ["count_blocks", "scan_blocks", "assign_cells", "resolve"],
     "avg/distance.wgsl" => ["find_occupied", "pass_x", "pass_y", "pass_z"],

@@ -224,12 +224,12 @@ pub fn voxelize(gpu: &Gpu, scene: &TestScene, grid: &Grid, queue_entries: Option
         .zeroed("occupied", leap_count(grid))
         .zeroed("along_x", leap_count(grid))
         .zeroed("along_y", leap_count(grid))
-        .zeroed("queue", queue);
+        .zeroed("queue", queue)
+        .zeroed("brick_workgroups", 3);
     let chunks = scene.chunks(|_| true).len() as u32;
     let run_chunks = |defs: &[&str], resources: &Resources| {
         if chunks > 0 {
-            run_with(gpu, "avg/voxelize.wgsl", "triangles", defs, resources, [chunks, 1, 1]);
-            run_with(gpu, "avg/voxelize.wgsl", "bricks", defs, resources, [256, 1, 1]);
+            run_over_triangles(gpu, defs, resources, chunks);
         }
     };
     run_chunks(&[], &resources);
@@ -241,6 +241,15 @@ pub fn voxelize(gpu: &Gpu, scene: &TestScene, grid: &Grid, queue_entries: Option
     run(gpu, "avg/cells.wgsl", "resolve", &resources, [grid.cell_capacity.div_ceil(64), 1, 1]);
     measure_distances(gpu, grid, &resources);
     resources
+}
+
+/// Runs the kernels that take triangles, and bricks of large ones, in so many workgroups.
+pub fn run_over_triangles(gpu: &Gpu, defs: &[&str], resources: &Resources, chunks: u32) {
+    let path = "avg/voxelize.wgsl";
+    run_with(gpu, path, "triangles", defs, resources, [chunks, 1, 1]);
+    run(gpu, "avg/bricks.wgsl", "size_bricks", resources, [1, 1, 1]);
+    let bricks = shipped(gpu, path, "bricks", defs);
+    gpu.dispatch_indirect(&bricks, resources, "brick_workgroups", 0).unwrap_or_else(|error| panic!("{path}: {error}"));
 }
 
 /// Blocks of 2^3 voxels that distances count.

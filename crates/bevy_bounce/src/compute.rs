@@ -7,8 +7,8 @@ use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy::render::render_resource::{
     BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, BindingResource, Buffer,
-    CachedComputePipelineId, CachedPipelineState, CommandEncoder, ComputePassDescriptor, ComputePipelineDescriptor,
-    PipelineCache, ShaderStages,
+    CachedComputePipelineId, CachedPipelineState, CommandEncoder, ComputePass, ComputePassDescriptor,
+    ComputePipelineDescriptor, PipelineCache, ShaderStages,
 };
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::{Shader, ShaderCacheError, ShaderDefVal};
@@ -102,17 +102,37 @@ impl Kernel {
     /// Records one dispatch in a pass of its own, so that it sees what the one before wrote. Nothing happens while the
     /// pipeline is being compiled.
     pub fn dispatch(&self, encoder: &mut CommandEncoder, cache: &PipelineCache, groups: &[&BindGroup], size: UVec3) {
-        let Some(pipeline) = cache.get_compute_pipeline(self.pipeline) else { return };
-        if size.min_element() == 0 {
-            return;
+        if size.min_element() > 0 {
+            self.pass(encoder, cache, groups, |pass| pass.dispatch_workgroups(size.x, size.y, size.z));
         }
+    }
+
+    /// The same with the number of workgroups in a buffer: three words.
+    pub fn dispatch_indirect(
+        &self,
+        encoder: &mut CommandEncoder,
+        cache: &PipelineCache,
+        groups: &[&BindGroup],
+        size: &Buffer,
+    ) {
+        self.pass(encoder, cache, groups, |pass| pass.dispatch_workgroups_indirect(size, 0));
+    }
+
+    fn pass(
+        &self,
+        encoder: &mut CommandEncoder,
+        cache: &PipelineCache,
+        groups: &[&BindGroup],
+        dispatch: impl FnOnce(&mut ComputePass),
+    ) {
+        let Some(pipeline) = cache.get_compute_pipeline(self.pipeline) else { return };
         let mut pass =
             encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(self.name), timestamp_writes: None });
         pass.set_pipeline(pipeline);
         for (index, group) in groups.iter().enumerate() {
             pass.set_bind_group(index as u32, *group, &[]);
         }
-        pass.dispatch_workgroups(size.x, size.y, size.z);
+        dispatch(&mut pass);
     }
 }
 

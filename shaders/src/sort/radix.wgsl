@@ -1,7 +1,8 @@
 // Stable sort of pairs by their key, eight bits a pass: count, scan, scatter. Satish et al. 2009, "Designing Efficient Sorting
 // Algorithms for Manycore GPUs".
 //
-// Cost of a pass: a pair is read twice and written once; its rank within 256 takes up to 255 reads of workgroup memory.
+// Cost of a pass: a pair is read twice and written once; its rank within 256 takes one atomic and eight reads of 9 KiB of
+// workgroup memory.
 
 struct Digit {
     // Lowest of its eight bits.
@@ -23,8 +24,12 @@ const DIGITS: u32 = 256u;
 /// Pairs a workgroup takes.
 const SORT_BLOCK: u32 = 1024u;
 
+/// Words of a bit a lane.
+const LANE_WORDS: u32 = DIGITS / 32u;
+
 var<workgroup> tally: array<atomic<u32>, DIGITS>;
-var<workgroup> scratch: array<u32, DIGITS>;
+// Digit by digit: which lanes have it.
+var<workgroup> lanes: array<atomic<u32>, DIGITS * LANE_WORDS>;
 
 fn block_count() -> u32 {
     return (pair_count[0] + SORT_BLOCK - 1u) / SORT_BLOCK;
@@ -63,6 +68,23 @@ fn scan_digits(@builtin(local_invocation_index) lane: u32) {
     }
 }
 
+// How many of the first so many lanes have the digit.
+fn lanes_below(own: u32, end: u32) -> u32 {
+    var count = 0u;
+    for (var word = 0u; word < LANE_WORDS; word++) {
+        let inside = min(max(end, word * 32u) - word * 32u, 32u);
+        let mask = select((1u << (inside % 32u)) - 1u, ~0u, inside == 32u);
+        count += countOneBits(atomicLoad(&lanes[own * LANE_WORDS + word]) & mask);
+    }
+    return count;
+}
+
+fn clear_lanes(digit: u32) {
+    for (var word = 0u; word < LANE_WORDS; word++) {
+        atomicStore(&lanes[digit * LANE_WORDS + word], 0u);
+    }
+}
+
 @compute @workgroup_size(256)
 fn scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let blocks = block_count();
@@ -70,28 +92,24 @@ fn scatter(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         return;
     }
     atomicStore(&tally[lane], counts[lane * blocks + group.x]);
-    for (var first = group.x * SORT_BLOCK; first < (group.x + 1u) * SORT_BLOCK; first += DIGITS) {
+    let end = min((group.x + 1u) * SORT_BLOCK, pair_count[0]);
+    for (var first = group.x * SORT_BLOCK; first < end; first += DIGITS) {
+        clear_lanes(lane);
+        workgroupBarrier();
         let i = first + lane;
-        let is_pair = i < pair_count[0];
+        let is_pair = i < end;
         var pair = vec2<u32>(0u);
-        var own = DIGITS;
         if is_pair {
             pair = unsorted[i];
-            own = digit_of(pair);
-        }
-        scratch[lane] = own;
-        workgroupBarrier();
-        var rank = 0u;
-        for (var j = 0u; j < lane; j++) {
-            rank += select(0u, 1u, scratch[j] == own);
-        }
-        if is_pair {
-            sorted[atomicLoad(&tally[own]) + rank] = pair;
+            atomicOr(&lanes[digit_of(pair) * LANE_WORDS + lane / 32u], 1u << (lane % 32u));
         }
         workgroupBarrier();
         if is_pair {
-            atomicAdd(&tally[own], 1u);
+            let own = digit_of(pair);
+            sorted[atomicLoad(&tally[own]) + lanes_below(own, lane)] = pair;
         }
+        workgroupBarrier();
+        atomicAdd(&tally[lane], lanes_below(lane, DIGITS));
         workgroupBarrier();
     }
 }

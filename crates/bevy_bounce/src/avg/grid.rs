@@ -6,6 +6,7 @@ use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, Shad
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::{Cell, Grid};
 
+use crate::compute::MAX_WORKGROUPS;
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 
@@ -18,7 +19,8 @@ const LEAP_BLOCK: u32 = 2;
 /// Edge of a brick, voxels.
 const BRICK: u32 = 8;
 /// Bricks of large triangles the queue holds; what does not fit is done by the thread that found it, slower.
-const QUEUE_ENTRIES: u64 = 65536;
+/// A workgroup takes an entry: as many as there may be along an axis.
+const QUEUE_ENTRIES: u64 = MAX_WORKGROUPS as u64;
 /// Cells that a voxel's word can address.
 const MAX_CELLS: u64 = (1 << 22) - 1;
 /// Steps of the voxel size in a doubling: the size is a function of the scene's bounds alone, and changes seldom.
@@ -51,6 +53,8 @@ pub(crate) struct VoxelGrid {
     pub along_y: Buffer,
     /// Bricks of large triangles.
     pub queue: Buffer,
+    /// Workgroups that take them.
+    pub brick_workgroups: Buffer,
     edge: u32,
 }
 
@@ -61,14 +65,11 @@ impl VoxelGrid {
         let cells = (voxels / 2).min(MAX_CELLS).min(limit / (SUM_WORDS * 4));
         // Blocks round up on every axis: of a grid one voxel thin there are as many as half the voxels.
         let leaps = voxels / 2 + 1;
-        let buffer = |label, size: u64| {
-            device.create_buffer(&BufferDescriptor {
-                label: Some(label),
-                size,
-                usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
-                mapped_at_creation: false,
-            })
+        let with_usage = |label, size: u64, usage| {
+            let usage = usage | BufferUsages::STORAGE;
+            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
         };
+        let buffer = |label, size| with_usage(label, size, BufferUsages::COPY_DST | BufferUsages::COPY_SRC);
         Self {
             grid: Grid { cell_capacity: cells as u32, ..default() },
             uniform: UniformBuffer::default(),
@@ -81,6 +82,7 @@ impl VoxelGrid {
             along_x: buffer("bounce_voxel_distance_x", leaps * 4),
             along_y: buffer("bounce_voxel_distance_y", leaps * 4),
             queue: buffer("bounce_voxel_queue", 4 + QUEUE_ENTRIES * 12),
+            brick_workgroups: with_usage("bounce_brick_workgroups", 12, BufferUsages::INDIRECT),
             edge,
         }
     }
@@ -107,7 +109,7 @@ impl VoxelGrid {
             ("grid: cells", self.cells.size()),
             ("grid: sums", self.sums.size()),
             ("grid: distances", self.occupied.size() + self.along_x.size() + self.along_y.size()),
-            ("grid: queue", self.queue.size()),
+            ("grid: queue", self.queue.size() + self.brick_workgroups.size()),
         ]
     }
 }

@@ -24,6 +24,7 @@
 mod grid;
 mod passes;
 mod pipelines;
+mod triangles;
 
 use bevy::prelude::*;
 use bevy::render::renderer::RenderGraph;
@@ -35,6 +36,7 @@ use crate::plugins::{GiSystems, configure_stages};
 
 pub(crate) use grid::{VoxelGrid, prepare_grid};
 pub(crate) use pipelines::{bind_grid, grid_layout};
+pub(crate) use triangles::{TriangleGroups, TriangleRun};
 
 /// Builds the voxel grid; see the [module](self).
 pub struct AvgPlugin;

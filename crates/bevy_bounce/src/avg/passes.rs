@@ -11,8 +11,6 @@ use crate::compute::{folded, whole};
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 
-/// Workgroups that share the queue of bricks.
-const BRICK_WORKGROUPS: u32 = 1024;
 /// Threads of a workgroup of the kernels that take a block or a cell each.
 const GROUP: u32 = 64;
 
@@ -40,8 +38,8 @@ pub(super) fn voxelize(
         whole(&grid.voxels),
         whole(&grid.sums),
     ];
-    let mark = p.mark_triangles.bind(&device, &cache, &triangles[..9]);
-    let add = p.add_triangles.bind(&device, &cache, &triangles);
+    let mark = p.mark.bind(&device, &cache, &grid, &triangles[..9]);
+    let add = p.add.bind(&device, &cache, &grid, &triangles);
     let cells = p.resolve.bind(
         &device,
         &cache,
@@ -66,22 +64,17 @@ pub(super) fn voxelize(
     let span = diagnostics.time_span(encoder, "bounce/voxelize");
 
     let chunks = folded(scene.chunk_count());
-    let bricks = UVec3::new(if chunks == UVec3::ZERO { 0 } else { BRICK_WORKGROUPS }, 1, 1);
     let blocks = folded(grid.block_count());
     let leaps = folded(grid.leap_count().div_ceil(GROUP));
     let per_cell = folded(grid.grid.cell_capacity.div_ceil(GROUP));
 
     encoder.clear_buffer(&grid.voxels, 0, None);
     encoder.clear_buffer(&grid.sums, 0, None);
-    encoder.clear_buffer(&grid.queue, 0, Some(4));
-    p.mark_triangles.dispatch(encoder, &cache, &[&mark], chunks);
-    p.mark_bricks.dispatch(encoder, &cache, &[&mark], bricks);
+    p.mark.dispatch(encoder, &cache, &grid, &mark, chunks);
     p.count_blocks.dispatch(encoder, &cache, &[&cells], blocks);
     p.scan_blocks.dispatch(encoder, &cache, &[&cells], UVec3::ONE);
     p.assign_cells.dispatch(encoder, &cache, &[&cells], blocks);
-    encoder.clear_buffer(&grid.queue, 0, Some(4));
-    p.add_triangles.dispatch(encoder, &cache, &[&add], chunks);
-    p.add_bricks.dispatch(encoder, &cache, &[&add], bricks);
+    p.add.dispatch(encoder, &cache, &grid, &add, chunks);
     p.resolve.dispatch(encoder, &cache, &[&cells], per_cell);
     for kernel in [&p.find_occupied, &p.distance_x, &p.distance_y, &p.distance_z] {
         kernel.dispatch(encoder, &cache, &[&distance], leaps);

@@ -8,18 +8,17 @@ use bevy::render::render_resource::{BindGroup, BindGroupLayoutDescriptor, BindGr
 use bevy::render::renderer::RenderDevice;
 
 use super::grid::VoxelGrid;
+use super::triangles::TriangleRun;
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout, whole};
 
 /// Kernels in the order they run.
 #[derive(Resource)]
 pub(super) struct AvgPipelines {
-    pub mark_triangles: Kernel,
-    pub mark_bricks: Kernel,
+    pub mark: TriangleRun,
     pub count_blocks: Kernel,
     pub scan_blocks: Kernel,
     pub assign_cells: Kernel,
-    pub add_triangles: Kernel,
-    pub add_bricks: Kernel,
+    pub add: TriangleRun,
     pub resolve: Kernel,
     pub find_occupied: Kernel,
     pub distance_x: Kernel,
@@ -43,34 +42,19 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let uniform = uniform_buffer_sized(false, None);
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
-    let voxelize = |entry, accumulate: bool| {
-        // Geometry, instances, materials, thumbnails; grid, scene; chunks, queue; voxels, and sums in the second run.
-        let mark = [read, read, read, read, uniform, uniform, read, write, write];
-        let add = [read, read, read, read, uniform, uniform, read, write, read, write];
-        Kernel::new(
-            &cache,
-            &shaders,
-            KernelDescriptor {
-                path: "avg/voxelize.wgsl",
-                entry,
-                bindings: if accumulate { &add } else { &mark },
-                groups: &[],
-                defs: if accumulate { vec!["ACCUMULATE".into()] } else { vec![] },
-            },
-        )
-    };
+    // Geometry, instances, materials, thumbnails; grid, scene; chunks, queue; voxels, and sums in the second run.
+    let mark = [read, read, read, read, uniform, uniform, read, write, write];
+    let add = [read, read, read, read, uniform, uniform, read, write, read, write];
     // Grid; voxels, blocks, counters, sums, cells.
     let cells = |entry| kernel(&cache, &shaders, "avg/cells.wgsl", entry, &[uniform, write, write, write, read, write]);
     // Grid; voxels, occupied blocks, distances along x and along x and y.
     let distance = |entry| kernel(&cache, &shaders, "avg/distance.wgsl", entry, &[uniform, write, write, write, write]);
     commands.insert_resource(AvgPipelines {
-        mark_triangles: voxelize("triangles", false),
-        mark_bricks: voxelize("bricks", false),
+        mark: TriangleRun::new(&cache, &shaders, &mark, &[]),
         count_blocks: cells("count_blocks"),
         scan_blocks: cells("scan_blocks"),
         assign_cells: cells("assign_cells"),
-        add_triangles: voxelize("triangles", true),
-        add_bricks: voxelize("bricks", true),
+        add: TriangleRun::new(&cache, &shaders, &add, &["ACCUMULATE".into()]),
         resolve: cells("resolve"),
         find_occupied: distance("find_occupied"),
         distance_x: distance("pass_x"),

@@ -7,14 +7,13 @@ use bevy::render::renderer::{RenderContext, RenderDevice};
 
 use super::pipelines::LightPipelines;
 use super::volume::VoxelLight;
-use crate::avg::{VoxelGrid, bind_grid};
+use crate::avg::{TriangleGroups, VoxelGrid, bind_grid};
 use crate::compute::{folded, whole};
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::vpl::VplBuffers;
 
 /// Workgroups that share the queue of bricks.
-const BRICK_WORKGROUPS: u32 = 1024;
 /// Threads of a workgroup.
 const GROUP: u32 = 64;
 /// Edge of a workgroup over texels.
@@ -22,7 +21,7 @@ const CUBE: u32 = 4;
 
 /// What the kernels bind.
 struct Groups {
-    emission: BindGroup,
+    emission: TriangleGroups,
     places: BindGroup,
     light: BindGroup,
     grid: BindGroup,
@@ -89,7 +88,7 @@ impl Groups {
             p.reduce.bind(device, cache, &bindings)
         };
         Some(Self {
-            emission: p.emit_triangles.bind(device, cache, &emission),
+            emission: p.emit.bind(device, cache, grid, &emission),
             places: p.list_places.bind(device, cache, &places),
             light: p.light_cells.bind(device, cache, &lit),
             grid: bind_grid(grid, device, cache)?,
@@ -117,9 +116,7 @@ fn add_emission(
         return;
     }
     encoder.clear_buffer(&light.emission_sums, 0, None);
-    encoder.clear_buffer(&grid.queue, 0, Some(4));
-    p.emit_triangles.dispatch(encoder, cache, &[&groups.emission], folded(chunks));
-    p.emit_bricks.dispatch(encoder, cache, &[&groups.emission], UVec3::new(BRICK_WORKGROUPS, 1, 1));
+    p.emit.dispatch(encoder, cache, grid, &groups.emission, folded(chunks));
 }
 
 /// Direct light, emission and further bounces of every cell, then the levels.

@@ -8,7 +8,7 @@
 //!
 //! | kernel | for each | from | to |
 //! |---|---|---|---|
-//! | `emit_triangles`, `emit_bricks` | emissive triangle | scene | emission of the cells |
+//! | `emit` | emissive triangle | scene | emission of the cells |
 //! | `list_places` | voxel | grid | where each cell is |
 //! | `light_cells` | cell | lights, virtual lights; rays through the grid | irradiance |
 //! | `fill`, `reduce` | voxel, level by level | the above | light and coverage by facing |

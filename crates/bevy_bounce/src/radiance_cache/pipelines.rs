@@ -12,14 +12,13 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::RenderDevice;
 
 use super::volume::VoxelLight;
-use crate::avg::{VoxelGrid, grid_layout};
+use crate::avg::{TriangleRun, VoxelGrid, grid_layout};
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout};
 
 /// Kernels that light the voxels, in the order they run.
 #[derive(Resource)]
 pub(super) struct LightPipelines {
-    pub emit_triangles: Kernel,
-    pub emit_bricks: Kernel,
+    pub emit: TriangleRun,
     pub list_places: Kernel,
     pub measure_unit: Kernel,
     pub light_cells: Kernel,
@@ -85,7 +84,6 @@ pub(super) fn init_light_pipelines(mut commands: Commands, cache: Res<PipelineCa
     };
     // Geometry, instances, materials, thumbnails; grid, scene; chunks, queue; voxels, sums.
     let emission = [read, read, read, read, uniform, uniform, read, write, read, write];
-    let emitting = || vec!["ACCUMULATE".into(), "EMISSION".into()];
     // Grid, scene; voxels, emitters; places, unit.
     let places = [uniform, uniform, read, read, write, write];
     // Scene; lights, header, list, places; grid, densities; irradiance, volume.
@@ -95,8 +93,7 @@ pub(super) fn init_light_pipelines(mut commands: Commands, cache: Res<PipelineCa
     // Volume; finer levels; levels.
     let reduce = [uniform, finer, finer, finer, level, level, level];
     commands.insert_resource(LightPipelines {
-        emit_triangles: kernel("avg/voxelize.wgsl", "triangles", &emission, &[], emitting()),
-        emit_bricks: kernel("avg/voxelize.wgsl", "bricks", &emission, &[], emitting()),
+        emit: TriangleRun::new(&cache, &shaders, &emission, &["ACCUMULATE".into(), "EMISSION".into()]),
         list_places: kernel("radiance_cache/places.wgsl", "list_places", &places, &[], vec![]),
         measure_unit: kernel("radiance_cache/places.wgsl", "measure_unit", &places, &[], vec![]),
         light_cells: kernel("radiance_cache/light.wgsl", "light_cells", &light, &[grid_layout()], vec![]),

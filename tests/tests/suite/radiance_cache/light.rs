@@ -9,7 +9,7 @@ use bevy_bounce_shaders::types::{
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
-use bevy_bounce_tests::scene::{TestScene, cuboid, matte, run, run_with, voxelize};
+use bevy_bounce_tests::scene::{TestScene, cuboid, matte, run, run_over_triangles, voxelize};
 use bevy_bounce_tests::twins::random::Random;
 use bevy_bounce_tests::twins::ssbc::half_texels;
 use half::f16;
@@ -241,9 +241,7 @@ fn cells_have_the_light_of_lamps_and_their_own() {
     let chunks = resources.read_words("emissive_chunks").expect("reads back");
     let resources = resources.words("chunks", &chunks).zeroed("queue", 1 + 3 * 64);
     let voxels = grid.dims.element_product().div_ceil(64);
-    let emit = ["ACCUMULATE", "EMISSION"];
-    run_with(gpu(), "avg/voxelize.wgsl", "triangles", &emit, &resources, [1, 1, 1]);
-    run_with(gpu(), "avg/voxelize.wgsl", "bricks", &emit, &resources, [16, 1, 1]);
+    run_over_triangles(gpu(), &["ACCUMULATE", "EMISSION"], &resources, 1);
     run(gpu(), "radiance_cache/places.wgsl", "list_places", &resources, [voxels, 1, 1]);
     let resources = resources.floats("unit", &[0.5]);
     run(gpu(), "radiance_cache/light.wgsl", "light_cells", &resources, [(cells as u32).div_ceil(64), 1, 1]);
