@@ -7,6 +7,7 @@ mod deform;
 mod harness;
 mod metrics;
 mod octahedral;
+mod panel;
 mod paths;
 mod pictures;
 mod pipelines;

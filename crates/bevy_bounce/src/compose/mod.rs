@@ -29,7 +29,7 @@ use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSy
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
 use crate::view::{forget_view_textures, prepare_view_textures};
-use crate::{GiSystems, camera};
+use crate::{GiSystems, GlobalIllumination, camera};
 
 /// What the picture of this camera holds; for looking at one term alone.
 #[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -74,7 +74,7 @@ pub struct GiComposePlugin;
 
 impl Plugin for GiComposePlugin {
     fn build(&self, app: &mut App) {
-        app.register_type::<GiIsolate>();
+        app.register_type::<GlobalIllumination>().register_type::<GiIsolate>();
     }
 
     fn finish(&self, app: &mut App) {
