@@ -17,4 +17,5 @@ mod shaders;
 mod shadow_atlas;
 mod sort;
 mod ssbc;
+mod views;
 mod voxels;
