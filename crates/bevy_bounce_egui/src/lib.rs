@@ -19,7 +19,7 @@
 //!
 //! Closed, the panel has neither a camera nor a context, and asks for nothing. Open, it counts twice a second what is on the GPU,
 //! which waits for a frame. Stage times are those of Bevy's
-//! [`RenderDiagnosticsPlugin`](bevy::render::diagnostic::RenderDiagnosticsPlugin), which is added with the panel and takes
+//! [`RenderDiagnosticsPlugin`], which is added with the panel and takes
 //! timestamps whether it is open or not.
 //!
 //! # Beside an interface of one's own

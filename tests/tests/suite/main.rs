@@ -1,6 +1,7 @@
 //! All tests of bevy_bounce that need more than one crate: one binary, because each links Bevy.
 
 mod agreement;
+mod beside;
 mod compose;
 mod cssm;
 mod deform;
@@ -15,6 +16,7 @@ mod radiance_cache;
 mod sampling;
 mod shaders;
 mod shadow_atlas;
+mod soak;
 mod sort;
 mod ssbc;
 mod views;

@@ -1,6 +1,6 @@
 //! Into the picture: direct light, bounced light, emission and fog.
 //!
-//! On cameras with [`GlobalIllumination`](crate::GlobalIllumination) this replaces Bevy's deferred lighting:
+//! On cameras with [`GlobalIllumination`] this replaces Bevy's deferred lighting:
 //!
 //! 1. `surface` packs depth and normal of Bevy's G-buffer for the passes of a view.
 //! 2. `direct` lights with Bevy's own functions, and keeps the diffuse part aside.
@@ -69,7 +69,7 @@ pub enum ViewPass {
     Compose,
 }
 
-/// Replaces Bevy's deferred lighting on cameras with [`GlobalIllumination`](crate::GlobalIllumination).
+/// Replaces Bevy's deferred lighting on cameras with [`GlobalIllumination`].
 pub struct GiComposePlugin;
 
 impl Plugin for GiComposePlugin {
