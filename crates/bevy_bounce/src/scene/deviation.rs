@@ -7,9 +7,9 @@ use super::occluders::in_triangle;
 
 /// Points of the mesh that are asked, at most.
 const POINTS: usize = 512;
-/// Points times triangles of the coarser version, at most: a tenth of a second.
+/// Points times triangles of the coarser version, at most, as long as that leaves `FEWEST`.
 const BUDGET: usize = 1 << 22;
-/// Points at least.
+/// Points that are asked however many triangles there are.
 const FEWEST: usize = 16;
 /// One point in so many may be farther away.
 const LEFT_OUT: usize = 20;

@@ -92,6 +92,20 @@ fn frames_are_the_same_to_the_byte_and_follow_every_change() {
     assert!(first == stage.settled_picture(), "another technique left something behind");
 }
 
+/// Three metres a side; walls emit as much and reflect nothing.
+fn shining_box(build: &mut Builder, emitted: f32) {
+    let wall = build.materials.add(StandardMaterial {
+        base_color: Color::BLACK,
+        perceptual_roughness: 1.0,
+        reflectance: 0.0,
+        emissive: LinearRgba::rgb(emitted, emitted, emitted),
+        emissive_exposure_weight: 1.0,
+        ..default()
+    });
+    let [floor, ceiling, back, front, left, right] = std::array::from_fn(|_| wall.clone());
+    build.room(Vec3::splat(-1.5), Vec3::splat(1.5), &Walls { floor, ceiling, back, front, left, right });
+}
+
 /// A closed box that emits and reflects nothing, with white balls in it, half of them of metal, the other half lacquered: light is the same
 /// from everywhere, and so is what they send, at every roughness.
 #[test]
@@ -100,16 +114,7 @@ fn a_white_furnace_is_white_at_every_roughness() {
     for roughness in [0.1, 0.3, 0.5, 0.8, 1.0] {
         let mut furnace = stage(GiSettings { grid: 64, ..SMALL }, |app| {
             app.add_systems(Startup, move |mut build: Builder| {
-                let wall = build.materials.add(StandardMaterial {
-                    base_color: Color::BLACK,
-                    perceptual_roughness: 1.0,
-                    reflectance: 0.0,
-                    emissive: LinearRgba::rgb(emitted, emitted, emitted),
-                    emissive_exposure_weight: 1.0,
-                    ..default()
-                });
-                let [floor, ceiling, back, front, left, right] = std::array::from_fn(|_| wall.clone());
-                build.room(Vec3::splat(-1.5), Vec3::splat(1.5), &Walls { floor, ceiling, back, front, left, right });
+                shining_box(&mut build, emitted);
                 for (x, metallic) in [(-0.5, 1.0), (0.5, 0.0)] {
                     let paint = build.materials.add(StandardMaterial {
                         base_color: Color::WHITE,
@@ -147,16 +152,7 @@ fn what_is_convex_does_not_shade_itself() {
     let emitted = 10.0;
     let mut furnace = stage(GiSettings { grid: 64, ..SMALL }, |app| {
         app.add_systems(Startup, move |mut build: Builder| {
-            let wall = build.materials.add(StandardMaterial {
-                base_color: Color::BLACK,
-                perceptual_roughness: 1.0,
-                reflectance: 0.0,
-                emissive: LinearRgba::rgb(emitted, emitted, emitted),
-                emissive_exposure_weight: 1.0,
-                ..default()
-            });
-            let [floor, ceiling, back, front, left, right] = std::array::from_fn(|_| wall.clone());
-            build.room(Vec3::splat(-1.5), Vec3::splat(1.5), &Walls { floor, ceiling, back, front, left, right });
+            shining_box(&mut build, emitted);
             let metal = build.materials.add(StandardMaterial {
                 base_color: Color::WHITE,
                 perceptual_roughness: 0.5,
