@@ -13,6 +13,7 @@ use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
 use bevy::window::{ExitCondition, WindowResolution};
 use bevy::winit::WinitPlugin;
 use bevy_bounce::GlobalIlluminationPlugins;
+use bevy_bounce_egui::BouncePanelPlugin;
 
 use crate::stage_clock::StageClockPlugin;
 use crate::{Error, Run, adapter, camera, capture, headless, window};
@@ -77,13 +78,18 @@ pub fn build(run: &Run, assets: Option<PathBuf>) -> App {
         app.insert_resource(DefaultOpaqueRendererMethod::deferred());
     } else {
         app.add_plugins(GlobalIlluminationPlugins::default());
+        if run.panel || !run.headless {
+            app.add_plugins(BouncePanelPlugin { open: run.panel, ..default() });
+        }
     }
     app.insert_resource(run.clone())
         .insert_resource(ClearColor(Color::BLACK))
         .insert_resource(GlobalAmbientLight::NONE)
         .add_plugins((camera::CameraPlugin, capture::CapturePlugin));
     if run.stats.is_some() {
-        app.add_plugins(RenderDiagnosticsPlugin);
+        if !app.is_plugin_added::<RenderDiagnosticsPlugin>() {
+            app.add_plugins(RenderDiagnosticsPlugin);
+        }
         if !run.plain_bevy {
             app.add_plugins(StageClockPlugin);
         }

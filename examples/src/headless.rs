@@ -10,6 +10,7 @@ use bevy::render::RenderApp;
 use bevy::render::render_resource::{CachedPipelineState, PipelineCache, PollType};
 use bevy::render::renderer::RenderDevice;
 use bevy::time::TimeUpdateStrategy;
+use bevy_bounce_egui::Counts;
 
 use crate::capture::{self, CaptureScene, Targets};
 use crate::metering::{Metered, exposure_for};
@@ -58,6 +59,7 @@ impl Failed {
 pub fn drive(mut app: App, run: &Run) -> Result<(), Error> {
     warm_up(&mut app)?;
     meter(&mut app, run)?;
+    fill_panel(&mut app)?;
     if let Some(mut diagnostics) = app.world_mut().get_resource_mut::<DiagnosticsStore>() {
         diagnostics.iter_mut().for_each(|diagnostic| diagnostic.clear_history());
     }
@@ -151,6 +153,13 @@ fn capture_scene(app: &mut App) {
     for camera in cameras {
         app.world_mut().entity_mut(camera).insert(CaptureScene(scene.clone()));
     }
+}
+
+/// Counts what the panel shows, where there is one, and lets it be laid out.
+fn fill_panel(app: &mut App) -> Result<(), Error> {
+    let Some(counts) = app.world().get_resource::<Counts>() else { return Ok(()) };
+    counts.want();
+    (0..2).try_for_each(|_| frame(app, Duration::ZERO).map(drop))
 }
 
 /// Chooses the exposure of [`Metered`] cameras.

@@ -94,6 +94,9 @@ pub struct Options {
     /// Write adapter, sizes and times as JSON
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,
+    /// Open the panel, which F1 does in a window; PNGs show it, EXRs do not
+    #[arg(long)]
+    pub panel: bool,
     /// Bevy's deferred renderer alone, without this project's plugins
     #[arg(long, hide = true)]
     pub plain_bevy: bool,

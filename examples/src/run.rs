@@ -33,6 +33,8 @@ pub struct Run {
     pub webgpu_limits: bool,
     /// Where statistics go.
     pub stats: Option<PathBuf>,
+    /// With the panel open.
+    pub panel: bool,
     /// Without this project's plugins.
     pub plain_bevy: bool,
 }
@@ -70,6 +72,7 @@ impl Options {
             exposure: self.exposure,
             webgpu_limits: self.webgpu_limits,
             stats: self.stats.clone(),
+            panel: self.panel,
             plain_bevy: self.plain_bevy,
         })
     }

@@ -1,15 +1,16 @@
 //! Windows: fly camera, screenshots, the way out.
 
 use bevy::camera::Exposure;
-use bevy::camera_controller::free_camera::{FreeCamera, FreeCameraPlugin};
+use bevy::camera_controller::free_camera::{FreeCamera, FreeCameraPlugin, FreeCameraState};
 use bevy::prelude::*;
 use bevy::render::view::screenshot::{Screenshot, save_to_disk};
+use bevy_egui::input::EguiWantsInput;
 
 use crate::Error;
 use crate::headless::{Failed, Pending};
 use crate::metering::MeteringPlugin;
 
-/// Keys of a window: ESC leaves, F12 takes a picture, `-` and `=` change the exposure, the free camera's own keys fly.
+/// Keys of a window: ESC leaves, F1 opens the panel, F12 takes a picture, `-` and `=` change the exposure, the free camera's own keys fly.
 pub struct WindowPlugin;
 
 /// Size of the scene, metres; a [`Camera3d`] with it can be flown, at a speed to match.
@@ -31,7 +32,7 @@ impl Plugin for WindowPlugin {
             .init_resource::<Failed>()
             .add_plugins((FreeCameraPlugin, MeteringPlugin))
             .add_systems(Startup, print_keys)
-            .add_systems(Update, (leave, take_picture, expose, stop_on_failure))
+            .add_systems(Update, (leave, take_picture, expose, stop_on_failure, yield_to_panel))
             .add_observer(fly);
     }
 }
@@ -47,7 +48,7 @@ pub fn check_display() -> Result<(), Error> {
 
 fn print_keys() {
     println!(
-        "right mouse button: look; W A S D Q E: fly; shift: faster; wheel: speed; - =: exposure; F12: picture; ESC: leave"
+        "right mouse button: look; W A S D Q E: fly; shift: faster; wheel: speed; - =: exposure; F1: panel; F12: picture; ESC: leave"
     );
 }
 
@@ -55,6 +56,12 @@ fn fly(add: On<Add, Camera3d>, extents: Query<&Fly>, mut commands: Commands) {
     let Fly { extent } = extents.get(add.entity).copied().unwrap_or_default();
     let walk_speed = extent / 8.0;
     commands.entity(add.entity).insert(FreeCamera { walk_speed, run_speed: 4.0 * walk_speed, ..default() });
+}
+
+/// What the panel takes of mouse and keyboard does not fly.
+fn yield_to_panel(panel: Option<Res<EguiWantsInput>>, mut cameras: Query<&mut FreeCameraState>) {
+    let free = !panel.is_some_and(|panel| panel.wants_any_input());
+    cameras.iter_mut().filter(|camera| camera.enabled != free).for_each(|mut camera| camera.enabled = free);
 }
 
 fn leave(keys: Res<ButtonInput<KeyCode>>, mut exit: MessageWriter<AppExit>) {

@@ -4,6 +4,7 @@
 //! |---|---|
 //! | [`baked`] | small bakes as the GPU takes them |
 //! | [`compose`] | the shipped WGSL as naga modules, with Bevy's own modules beside it |
+//! | [`eye`] | further cameras of a stage |
 //! | [`translate`] | those modules in every language that a backend takes, and what they ask of a device |
 //! | [`gpu`] | one compute shader on its own: bind, dispatch, read back |
 //! | [`glb`] | whole glTF scenes in the form that the shaders read |
@@ -21,6 +22,7 @@
 
 pub mod baked;
 pub mod compose;
+pub mod eye;
 pub mod flip;
 pub mod glb;
 pub mod gpu;

@@ -85,6 +85,11 @@ impl Stage {
         self.app.sub_app(RenderApp).world()
     }
 
+    /// The render world, for queries.
+    pub fn render_world_mut(&mut self) -> &mut World {
+        self.app.sub_app_mut(RenderApp).world_mut()
+    }
+
     /// Changes how the camera is lit.
     pub fn light_by(&mut self, illumination: GlobalIllumination) {
         let camera = self.only::<Camera3d>();
@@ -108,6 +113,16 @@ impl Stage {
         Picture { width: self.size.x as usize, height: self.size.y as usize, pixels }
     }
 
+    /// The last frame as the display shows it: sRGB, four bytes a pixel.
+    pub fn display(&self) -> Vec<u8> {
+        self.read(&self.app.world().resource::<Targets>().display)
+    }
+
+    /// The texels of an image on the GPU.
+    pub fn read(&self, image: &Handle<Image>) -> Vec<u8> {
+        capture::read(&self.app, image).unwrap_or_else(|error| panic!("{error}"))
+    }
+
     /// The next frame after all that new settings need has been compiled: two frames are thrown away.
     pub fn settled_picture(&mut self) -> Picture {
         self.frame(Duration::ZERO);
@@ -128,6 +143,7 @@ pub fn run(size: UVec2, illumination: Option<GlobalIllumination>) -> Run {
         exposure: None,
         webgpu_limits: webgpu_limits(),
         stats: None,
+        panel: false,
         plain_bevy: false,
     }
 }

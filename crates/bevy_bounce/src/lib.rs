@@ -24,6 +24,7 @@ pub mod interleaved;
 mod memory;
 mod plugins;
 pub mod radiance_cache;
+mod readback;
 pub mod scene;
 mod settings;
 pub mod shadow_atlas;
@@ -43,7 +44,7 @@ pub use scene::{GiLight, GiScenePlugin, VoxelizedMesh};
 pub use settings::{GiSettings, GlobalIllumination, Quality, Resolution, Technique, VplVisibility};
 pub use shadow_atlas::ShadowAtlasPlugin;
 pub use ssbc::{SsbcPlugin, SsbcSettings};
-pub use vpl::VplPlugin;
+pub use vpl::{VplPlugin, vpl_count};
 
 /// What a game needs to name.
 pub mod prelude {

@@ -5,7 +5,7 @@ use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
 
 use crate::compute::MAX_WORKGROUPS;
-use crate::{CssmSettings, RadianceCacheSettings, SsbcSettings};
+use crate::{CssmSettings, GiIsolate, RadianceCacheSettings, SsbcSettings};
 
 /// Lights what this camera sees with bounced light, computed afresh every frame.
 ///
@@ -13,6 +13,7 @@ use crate::{CssmSettings, RadianceCacheSettings, SsbcSettings};
 /// removed.
 #[derive(Component, ExtractComponent, Reflect, Clone, Debug, Default, PartialEq)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
+#[require(GiIsolate)]
 pub struct GlobalIllumination {
     /// How the bounced light is computed.
     pub technique: Technique,
@@ -22,6 +23,7 @@ pub struct GlobalIllumination {
 
 /// How bounced light is computed.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[reflect(Default)]
 pub enum Technique {
     /// Bevy's own picture.
     None,
@@ -37,6 +39,7 @@ pub enum Technique {
 
 /// How much is spent. Baked objects are gathered from with an error of 32, 16, 8 and 4 steps of the display. With several cameras the world stages follow the most demanding one.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq)]
+#[reflect(Default)]
 pub enum Quality {
     /// 256 virtual lights, a grid of 32^3 voxels, shaded at half resolution, one bias compensation.
     Low,
@@ -51,25 +54,31 @@ pub enum Quality {
     Custom(GiSettings),
 }
 
-/// The values behind [`Quality`].
+/// The values behind [`Quality`]. Each number carries its range as a reflection attribute, a `RangeInclusive` of its type.
 #[derive(Reflect, Clone, Copy, Debug, PartialEq)]
+#[reflect(Default)]
 pub struct GiSettings {
     /// Edge of the voxel grid, in voxels: the budget is `grid`^3, spread over the scene's bounds in cubic voxels.
     /// 8 to 256; 128 at most where radiance caches are used. Memory and the cost of voxelisation grow with its cube.
+    #[reflect(@8..=256_u32)]
     pub grid: u32,
     /// Virtual point lights, 16 to 65536. Each pixel is lit by a sixteenth of them; cost is proportional.
+    #[reflect(@16..=65536_u32)]
     pub vpls: u32,
     /// Longest path, in bounces, 1 to 31. Roulette ends most paths earlier; what a limit of n leaves out of a room of
     /// albedo a is a^n of the bounced light.
+    #[reflect(@1..=31_u32)]
     pub bounces: u32,
     /// What a virtual light can see.
     pub visibility: VplVisibility,
     /// Edge of a virtual light's shadow map, texels: 8 to 48, a multiple of four. Four bytes a texel and light; memory and the cost of filling
     /// it grow with its square, and contact shadows become sharper in proportion.
+    #[reflect(@8..=48_u32)]
     pub tile: u32,
     /// Scale of the bound of the geometry term, which by itself is that of two surfaces at the distance between lights (their
     /// number over the area of the surfaces around the point that is lit): 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches. `ssbc`
     /// gives back what a low one takes, as far as the camera sees it.
+    #[reflect(@0.01..=100.0_f32)]
     pub bound: f32,
     /// Pixels at which bounced light is shaded.
     pub resolution: Resolution,
@@ -83,6 +92,7 @@ pub struct GiSettings {
 
 /// Pixels at which something is computed.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[reflect(Default)]
 pub enum Resolution {
     /// Each.
     #[default]
@@ -156,6 +166,7 @@ impl GiSettings {
 
 /// What a virtual point light can see.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[reflect(Default)]
 pub enum VplVisibility {
     /// Everything: no shadows in the bounced light. Fast, and it leaks.
     None,

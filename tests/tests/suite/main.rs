@@ -1,12 +1,14 @@
 //! All tests of bevy_bounce that need more than one crate: one binary, because each links Bevy.
 
 mod agreement;
+mod beside;
 mod compose;
 mod cssm;
 mod deform;
 mod harness;
 mod metrics;
 mod octahedral;
+mod panel;
 mod paths;
 mod pictures;
 mod pipelines;
@@ -14,6 +16,8 @@ mod radiance_cache;
 mod sampling;
 mod shaders;
 mod shadow_atlas;
+mod soak;
 mod sort;
 mod ssbc;
+mod views;
 mod voxels;

@@ -1,6 +1,6 @@
 //! Into the picture: direct light, bounced light, emission and fog.
 //!
-//! On cameras with [`GlobalIllumination`](crate::GlobalIllumination) this replaces Bevy's deferred lighting:
+//! On cameras with [`GlobalIllumination`] this replaces Bevy's deferred lighting:
 //!
 //! 1. `surface` packs depth and normal of Bevy's G-buffer for the passes of a view.
 //! 2. `direct` lights with Bevy's own functions, and keeps the diffuse part aside.
@@ -29,7 +29,7 @@ use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSy
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
 use crate::view::{forget_view_textures, prepare_view_textures};
-use crate::{GiSystems, camera};
+use crate::{GiSystems, GlobalIllumination, camera};
 
 /// What the picture of this camera holds; for looking at one term alone.
 #[derive(Component, ExtractComponent, Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -69,12 +69,12 @@ pub enum ViewPass {
     Compose,
 }
 
-/// Replaces Bevy's deferred lighting on cameras with [`GlobalIllumination`](crate::GlobalIllumination).
+/// Replaces Bevy's deferred lighting on cameras with [`GlobalIllumination`].
 pub struct GiComposePlugin;
 
 impl Plugin for GiComposePlugin {
     fn build(&self, app: &mut App) {
-        app.register_type::<GiIsolate>();
+        app.register_type::<GlobalIllumination>().register_type::<GiIsolate>();
     }
 
     fn finish(&self, app: &mut App) {

@@ -4,9 +4,11 @@ use bevy::prelude::*;
 
 /// How light is gathered from baked objects.
 #[derive(Reflect, Clone, Copy, Debug, PartialEq)]
+#[reflect(Default)]
 pub struct CssmSettings {
     /// Steps of 1/255 of the display's brightness, after exposure and tone mapping, 0.05 to 128: texels are taken together
     /// where the light from all of them is less. Less is more exact and calmer; cost is about its inverse.
+    #[reflect(@0.05..=128.0_f32)]
     pub error: f32,
     /// How visibility is looked up.
     pub filter: CssmFilter,
@@ -14,6 +16,7 @@ pub struct CssmSettings {
 
 /// How baked visibility is looked up.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[reflect(Default)]
 pub enum CssmFilter {
     /// By one pixel of a cube map.
     #[default]

@@ -1,16 +1,11 @@
 //! What the GPU has counted, for measurements.
 
-use std::sync::mpsc;
-
 use bevy::prelude::*;
-use bevy::render::render_resource::encase::StorageBuffer;
-use bevy::render::render_resource::{
-    Buffer, BufferDescriptor, BufferUsages, CommandEncoderDescriptor, MapMode, PollType,
-};
-use bevy::render::renderer::{RenderDevice, RenderQueue};
+use bevy::render::render_resource::Buffer;
 use bevy_bounce_shaders::types::CacheCounters;
 
 use super::CacheBuffers;
+use crate::readback::read;
 
 /// What a view's caches came to in the last frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -29,35 +24,12 @@ pub struct CacheCounts {
 pub fn cache_counts(render_world: &mut World) -> Vec<CacheCounts> {
     let mut views = render_world.query::<&CacheBuffers>();
     let buffers: Vec<Buffer> = views.iter(render_world).map(|held| held.counters.clone()).collect();
-    let (Some(device), Some(queue)) =
-        (render_world.get_resource::<RenderDevice>(), render_world.get_resource::<RenderQueue>())
-    else {
-        return Vec::new();
-    };
-    buffers.iter().filter_map(|buffer| read(device, queue, buffer)).collect()
-}
-
-fn read(device: &RenderDevice, queue: &RenderQueue, buffer: &Buffer) -> Option<CacheCounts> {
-    let staging = device.create_buffer(&BufferDescriptor {
-        label: Some("bounce_cache_counts"),
-        size: buffer.size(),
-        usage: BufferUsages::MAP_READ | BufferUsages::COPY_DST,
-        mapped_at_creation: false,
-    });
-    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor::default());
-    encoder.copy_buffer_to_buffer(buffer, 0, &staging, 0, buffer.size());
-    queue.submit([encoder.finish()]);
-    let slice = staging.slice(..);
-    let (sender, receiver) = mpsc::channel();
-    slice.map_async(MapMode::Read, move |result| drop(sender.send(result)));
-    device.poll(PollType::wait_indefinitely()).ok()?;
-    receiver.recv().ok()?.ok()?;
-    let bytes = slice.get_mapped_range().to_vec();
-    let counted: CacheCounters = StorageBuffer::new(bytes).create().ok()?;
-    Some(CacheCounts {
+    let counted = buffers.iter().filter_map(|buffer| read::<CacheCounters>(render_world, buffer));
+    let counts = counted.map(|counted| CacheCounts {
         caches: counted.clusters,
         merged: counted.merged,
         pixels: counted.pixels,
         missing: counted.missing,
-    })
+    });
+    counts.collect()
 }

@@ -4,15 +4,18 @@ use bevy::prelude::*;
 
 /// How light is cached; part of [`GiSettings`](crate::GiSettings).
 #[derive(Reflect, Clone, Copy, Debug, PartialEq)]
+#[reflect(Default)]
 pub struct RadianceCacheSettings {
     /// Glossy light beside virtual point lights: what they light is seen in metal and polish. Costs the light of the voxels and the
     /// caches. With [`Technique::RadianceCache`](crate::Technique::RadianceCache) it is always there.
     pub glossy: bool,
     /// Caches at two million pixels, 256 to 32768; in proportion to the number of pixels, and never less than 512. More show finer
     /// detail in reflections; memory (4 KiB each) and the cost of filling them are proportional.
+    #[reflect(@256..=32768_u32)]
     pub caches: u32,
     /// Radius within which a pixel gathers from caches, in tiles of the screen, 1.5 to 8. More is smoother and blurs what should
     /// differ; cost grows with its square.
+    #[reflect(@1.5..=8.0_f32)]
     pub reach: f32,
     /// Surfaces that are seen in the caches are lit by virtual point lights besides Bevy's lights: all further bounces, and the
     /// light of emissive surfaces. Costs a sixteenth of the virtual lights for each cell of the grid.

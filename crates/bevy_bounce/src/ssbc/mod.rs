@@ -57,14 +57,18 @@ pub(crate) use prepare::SsbcTextures;
 
 /// How bias compensation is computed; part of [`GiSettings`](crate::GiSettings).
 #[derive(Reflect, Clone, Copy, Debug, PartialEq)]
+#[reflect(Default)]
 pub struct SsbcSettings {
     /// Iterations, 0 to 8; 0 is off. Each costs the same, and gives back what light that is given back loses in turn: n
     /// leave out about the (n + 1)th power of the albedo.
+    #[reflect(@0..=8_u32)]
     pub iterations: u32,
     /// Projected solid angle, sr, above which a group of pixels is taken apart. Less is more exact; cost grows with its
-    /// inverse where surfaces meet.
+    /// inverse where surfaces meet. 0.0001 to 7.
+    #[reflect(@1e-4..=7.0_f32)]
     pub solid_angle: f32,
     /// The same for a group of pixels that an edge runs through.
+    #[reflect(@1e-4..=7.0_f32)]
     pub edge_solid_angle: f32,
     /// Pixels at which it is integrated.
     pub resolution: Resolution,

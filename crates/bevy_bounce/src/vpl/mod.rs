@@ -25,6 +25,7 @@
 //! the list; their vertices are sorted by facing and along a Hilbert curve and cut into runs, one light each: see
 //! `vpl/list.wgsl`.
 
+mod counters;
 mod passes;
 mod pipelines;
 mod prepare;
@@ -39,6 +40,7 @@ use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 use crate::sort::init_sort_pipelines;
 
+pub use counters::vpl_count;
 pub(crate) use prepare::VplBuffers;
 
 /// Traces virtual point lights; see the [module](self).

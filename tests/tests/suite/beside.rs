@@ -1,0 +1,242 @@
+//! Bounced light beside what else Bevy does to a picture: each of it, and each pair.
+//!
+//! Light is counted once: the mean of the whole picture is that of direct and of bounced light together. Two of Bevy's effects do
+//! not keep to sums, and are held to what they do: fog takes some of the bounced light, and screen-space reflections show
+//! it once more.
+
+use bevy::anti_alias::{fxaa, taa};
+use bevy::asset::RenderAssetUsages;
+use bevy::camera::Exposure;
+use bevy::ecs::world::EntityWorldMut;
+use bevy::light::{self, LightProbe};
+use bevy::pbr::{DistanceFog, FogFalloff, Lightmap, ScreenSpaceAmbientOcclusion, ScreenSpaceReflections};
+use bevy::post_process::bloom;
+use bevy::prelude::*;
+use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use bevy_bounce::GiIsolate;
+use bevy_bounce_examples::scenes::Builder;
+use bevy_bounce_tests::eye::Eye;
+use bevy_bounce_tests::picture::Picture;
+use bevy_bounce_tests::stage::{SMALL, Stage, illumination};
+use half::f16;
+
+const SIZE: UVec2 = UVec2::new(64, 36);
+const EXPOSURE: Exposure = Exposure { ev100: 6.0 };
+/// Frames until a picture stands still: temporal anti-aliasing goes through its eight places once.
+const FRAMES: usize = 10;
+
+/// What else there may be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Effect {
+    TemporalAntiAliasing,
+    Fxaa,
+    Bloom,
+    Occlusion,
+    Reflections,
+    Fog,
+    Lightmaps,
+    IrradianceVolume,
+    EnvironmentMap,
+}
+
+use Effect::*;
+
+const EFFECTS: [Effect; 9] =
+    [TemporalAntiAliasing, Fxaa, Bloom, Occlusion, Reflections, Fog, Lightmaps, IrradianceVolume, EnvironmentMap];
+
+/// What the effects of the scene need.
+#[derive(Resource, Clone)]
+struct Images {
+    lightmap: Handle<Image>,
+    volume: Handle<Image>,
+}
+
+/// One of the meshes that may have a lightmap.
+#[derive(Component)]
+struct Mapped;
+
+fn even(images: &mut Assets<Image>, [width, height, depth]: [u32; 3], value: [f32; 3]) -> Handle<Image> {
+    let texel = [value[0], value[1], value[2], 1.0].map(|c| f16::from_f32(c).to_le_bytes()).concat();
+    let size = Extent3d { width, height, depth_or_array_layers: depth };
+    let dimension = if depth > 1 { TextureDimension::D3 } else { TextureDimension::D2 };
+    let usages = RenderAssetUsages::default();
+    images.add(Image::new_fill(size, dimension, &texel, TextureFormat::Rgba16Float, usages))
+}
+
+/// A corner of a room with a block and a polished ball, lit by a lamp.
+fn scene(mut build: Builder, mut images: ResMut<Assets<Image>>) {
+    build.commands.insert_resource(Images {
+        lightmap: even(&mut images, [4, 4, 1], [40.0, 30.0, 20.0]),
+        volume: even(&mut images, [2, 4, 6], [1.0, 1.0, 1.0]),
+    });
+    let (white, red) = (build.paint([0.8; 3]), build.paint([0.8, 0.1, 0.1]));
+    let polish = build.materials.add(StandardMaterial {
+        base_color: Color::linear_rgb(0.8, 0.8, 0.8),
+        metallic: 1.0,
+        perceptual_roughness: 0.15,
+        ..default()
+    });
+    for (mesh, at, paint) in [
+        (Cuboid::new(6.0, 0.2, 6.0), Vec3::new(0.0, -0.1, 0.0), &white),
+        (Cuboid::new(6.0, 4.0, 0.2), Vec3::new(0.0, 2.0, -2.0), &white),
+        (Cuboid::new(0.2, 4.0, 6.0), Vec3::new(-2.0, 2.0, 0.0), &red),
+    ] {
+        let mesh = Mesh::from(mesh);
+        let uv = mesh.attribute(Mesh::ATTRIBUTE_UV_0).cloned();
+        let mesh = uv.into_iter().fold(mesh, |mesh, uv| mesh.with_inserted_attribute(Mesh::ATTRIBUTE_UV_1, uv));
+        build.place(mesh, Transform::from_translation(at), paint).insert(Mapped);
+    }
+    build.place(Sphere::new(0.7), Transform::from_xyz(0.9, 0.7, -0.2), &polish);
+    build.block(Vec3::new(-0.8, 0.0, 0.2), Vec3::splat(0.9), 0.4, &white);
+    let lamp = SpotLight { intensity: 400_000.0, range: 30.0, shadow_maps_enabled: true, ..default() };
+    build.commands.spawn((lamp, Transform::from_xyz(1.5, 3.5, 2.0).looking_at(Vec3::new(-1.0, 0.5, -1.0), Vec3::Y)));
+    build.commands.spawn((Camera3d::default(), Camera { is_active: false, ..default() }));
+}
+
+/// Gives the camera or the scene what the effect is.
+fn add(effect: Effect, camera: &mut EntityWorldMut) {
+    let images = camera.world().resource::<Images>().clone();
+    match effect {
+        TemporalAntiAliasing => put(camera, taa::TemporalAntiAliasing::default()),
+        Fxaa => put(camera, fxaa::Fxaa::default()),
+        Bloom => put(camera, bloom::Bloom::NATURAL),
+        Occlusion => put(camera, ScreenSpaceAmbientOcclusion::default()),
+        Reflections => put(camera, ScreenSpaceReflections::default()),
+        Fog => {
+            let falloff = FogFalloff::Exponential { density: 0.1 };
+            put(camera, DistanceFog { color: Color::BLACK, falloff, ..default() });
+        }
+        Lightmaps => camera.world_scope(|world| {
+            map(world, Some(Lightmap { image: images.lightmap, ..default() }));
+        }),
+        IrradianceVolume => camera.world_scope(|world| {
+            let volume = light::IrradianceVolume { voxels: images.volume, intensity: 500.0, ..default() };
+            world.spawn((LightProbe::default(), volume, Transform::from_scale(Vec3::splat(12.0))));
+        }),
+        EnvironmentMap => {
+            let map = camera.world_scope(|world| {
+                let mut images = world.resource_mut::<Assets<Image>>();
+                EnvironmentMapLight { intensity: 60.0, ..EnvironmentMapLight::solid_color(&mut images, Color::WHITE) }
+            });
+            put(camera, map);
+        }
+    }
+}
+
+fn put(camera: &mut EntityWorldMut, bundle: impl Bundle) {
+    camera.insert(bundle);
+}
+
+/// Takes from the scene what [`add`] gave it.
+fn clear(world: &mut World) {
+    let mut found = world.query_filtered::<Entity, With<light::IrradianceVolume>>();
+    let volumes: Vec<Entity> = found.iter(world).collect();
+    for volume in volumes {
+        world.despawn(volume);
+    }
+    map(world, None);
+}
+
+/// Gives a lightmap to the meshes that may have one, or takes it. Bevy chooses their pipelines anew only where the mesh itself
+/// has changed: without that its prepass draws with the layout of before, which is a validation error.
+fn map(world: &mut World, lightmap: Option<Lightmap>) {
+    let mut mapped = world.query_filtered::<Entity, With<Mapped>>();
+    let mapped: Vec<Entity> = mapped.iter(world).collect();
+    for mesh in mapped {
+        let mut mesh = world.entity_mut(mesh);
+        match &lightmap {
+            Some(lightmap) => mesh.insert(lightmap.clone()),
+            None => mesh.remove::<Lightmap>(),
+        };
+        if let Some(mut mesh) = mesh.get_mut::<Mesh3d>() {
+            mesh.set_changed();
+        }
+    }
+}
+
+fn stage() -> Stage {
+    Stage::new(SIZE, SMALL, |app| {
+        app.add_systems(Startup, scene);
+    })
+}
+
+/// What a camera with these effects sees; without `isolate` there is no bounced light.
+fn picture(stage: &mut Stage, effects: &[Effect], isolate: Option<GiIsolate>) -> Picture {
+    let place = Transform::from_xyz(1.2, 2.0, 4.5).looking_at(Vec3::new(-0.2, 1.0, 0.0), Vec3::Y);
+    let eye = Eye::open(stage, SIZE, EXPOSURE, place);
+    let mut camera = stage.world().entity_mut(eye.camera);
+    if let Some(isolate) = isolate {
+        camera.insert((illumination(SMALL), isolate));
+    }
+    effects.iter().for_each(|effect| add(*effect, &mut camera));
+    for _ in 0..FRAMES {
+        stage.frame(std::time::Duration::ZERO);
+    }
+    let picture = eye.picture(stage);
+    eye.close(stage);
+    clear(stage.world());
+    assert_eq!(picture.nonfinite(), 0, "{effects:?}, {isolate:?}: values are not finite");
+    picture
+}
+
+/// Mean luminance of the whole picture, of direct and of bounced light.
+fn means(stage: &mut Stage, effects: &[Effect]) -> [f64; 3] {
+    [GiIsolate::All, GiIsolate::Direct, GiIsolate::Indirect]
+        .map(|isolate| picture(stage, effects, Some(isolate)).mean_luminance())
+}
+
+/// What of the bounced light is in the whole picture: one, but for fog and reflections.
+fn share_of_bounced_light(stage: &mut Stage, effects: &[Effect]) -> f64 {
+    let [all, direct, bounced] = means(stage, effects);
+    assert!(direct > 0.0 && bounced > 0.05 * direct, "{effects:?}: too little bounced light to tell");
+    let sum = all / (direct + bounced);
+    let share = (all - direct) / bounced;
+    println!("{effects:?}: all {all:.3}, direct {direct:.3}, bounced {bounced:.3}, sum {sum:.4}, share {share:.3}");
+    let (fog, reflections) = (effects.contains(&Fog), effects.contains(&Reflections));
+    match (fog, reflections) {
+        (false, false) => assert!((sum - 1.0).abs() < 0.03, "{effects:?}: {all} of {direct} and {bounced}"),
+        (true, false) => assert!((0.3..0.95).contains(&share), "{effects:?}: {share} of the bounced light"),
+        (false, true) => assert!((0.97..1.3).contains(&share), "{effects:?}: {share} of the bounced light"),
+        (true, true) => assert!((0.3..1.3).contains(&share), "{effects:?}: {share} of the bounced light"),
+    }
+    share
+}
+
+#[test]
+fn light_is_counted_once_beside_each_effect() {
+    let mut stage = stage();
+    let plain = means(&mut stage, &[]);
+    println!("alone: all, direct and bounced {plain:.3?}");
+    for effect in EFFECTS {
+        share_of_bounced_light(&mut stage, &[effect]);
+    }
+    assert_eq!(plain, means(&mut stage, &[]), "an effect left something behind");
+}
+
+#[test]
+#[ignore = "takes minutes: 36 pairs, three pictures each"]
+fn light_is_counted_once_beside_each_pair_of_effects() {
+    let mut stage = stage();
+    for (at, first) in EFFECTS.into_iter().enumerate() {
+        for second in &EFFECTS[at + 1..] {
+            share_of_bounced_light(&mut stage, &[first, *second]);
+        }
+    }
+}
+
+/// The effects are there: each changes the picture, and what stands for bounced light is left out where that is computed.
+#[test]
+fn effects_are_there() {
+    let mut stage = stage();
+    let [lit, plain] = [Some(GiIsolate::All), None].map(|isolate| picture(&mut stage, &[], isolate));
+    for effect in EFFECTS {
+        let with = picture(&mut stage, &[effect], Some(GiIsolate::All));
+        let without = picture(&mut stage, &[effect], None);
+        // Bevy's occlusion is for ambient light alone.
+        assert!(without != plain || effect == Occlusion, "{effect:?} does nothing to Bevy's picture");
+        match effect {
+            IrradianceVolume => assert!(with == lit, "an irradiance volume counts beside bounced light"),
+            _ => assert!(with != lit, "{effect:?} does nothing beside bounced light"),
+        }
+    }
+}
