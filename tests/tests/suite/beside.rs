@@ -12,7 +12,8 @@ use bevy::light::{self, LightProbe};
 use bevy::pbr::{DistanceFog, FogFalloff, Lightmap, ScreenSpaceAmbientOcclusion, ScreenSpaceReflections};
 use bevy::post_process::bloom;
 use bevy::prelude::*;
-use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, WgpuFeatures};
+use bevy::render::renderer::RenderDevice;
 use bevy_bounce::GiIsolate;
 use bevy_bounce_examples::scenes::Builder;
 use bevy_bounce_tests::eye::Eye;
@@ -43,6 +44,22 @@ use Effect::*;
 
 const EFFECTS: [Effect; 9] =
     [TemporalAntiAliasing, Fxaa, Bloom, Occlusion, Reflections, Fog, Lightmaps, IrradianceVolume, EnvironmentMap];
+
+/// Storage textures that a stage of Bevy's occlusion has.
+const OCCLUSION_TEXTURES: u32 = 5;
+
+/// What Bevy offers on the device: on WebGPU's default limits without optional features, neither bloom nor occlusion.
+fn offered(stage: &Stage) -> Vec<Effect> {
+    let device = stage.render_world().resource::<RenderDevice>();
+    let bloom = device.features().contains(WgpuFeatures::RG11B10UFLOAT_RENDERABLE);
+    let occlusion = device.limits().max_storage_textures_per_shader_stage >= OCCLUSION_TEXTURES;
+    let is_offered = |effect: &Effect| match effect {
+        Bloom => bloom,
+        Occlusion => occlusion,
+        _ => true,
+    };
+    EFFECTS.into_iter().filter(is_offered).collect()
+}
 
 /// What the effects of the scene need.
 #[derive(Resource, Clone)]
@@ -207,7 +224,7 @@ fn light_is_counted_once_beside_each_effect() {
     let mut stage = stage();
     let plain = means(&mut stage, &[]);
     println!("alone: all, direct and bounced {plain:.3?}");
-    for effect in EFFECTS {
+    for effect in offered(&stage) {
         share_of_bounced_light(&mut stage, &[effect]);
     }
     assert_eq!(plain, means(&mut stage, &[]), "an effect left something behind");
@@ -217,9 +234,10 @@ fn light_is_counted_once_beside_each_effect() {
 #[ignore = "takes minutes: 36 pairs, three pictures each"]
 fn light_is_counted_once_beside_each_pair_of_effects() {
     let mut stage = stage();
-    for (at, first) in EFFECTS.into_iter().enumerate() {
-        for second in &EFFECTS[at + 1..] {
-            share_of_bounced_light(&mut stage, &[first, *second]);
+    let effects = offered(&stage);
+    for (at, first) in effects.iter().enumerate() {
+        for second in &effects[at + 1..] {
+            share_of_bounced_light(&mut stage, &[*first, *second]);
         }
     }
 }
@@ -229,7 +247,7 @@ fn light_is_counted_once_beside_each_pair_of_effects() {
 fn effects_are_there() {
     let mut stage = stage();
     let [lit, plain] = [Some(GiIsolate::All), None].map(|isolate| picture(&mut stage, &[], isolate));
-    for effect in EFFECTS {
+    for effect in offered(&stage) {
         let with = picture(&mut stage, &[effect], Some(GiIsolate::All));
         let without = picture(&mut stage, &[effect], None);
         // Bevy's occlusion is for ambient light alone.
