@@ -2,9 +2,9 @@
 //
 // Runs twice over all triangles. The first run marks which facings of which voxels are touched; after the scan has given
 // each of them a cell, the second (`ACCUMULATE`) adds to it the triangle's area within the voxel, and albedo, normal and
-// position weighted by it, and widens the bounds of what is there. Where the paper shifts vertices, steps through slices and enlarges small triangles, so that the
-// rasteriser leaves no hole, an exact triangle-box test (Akenine-Moeller 2001) finds every voxel touched. Sums are integers:
-// the order in which threads come does not show. With `EMISSION` the second run adds what shines, over the emissive
+// position weighted by it, and widens the bounds of what is there. Where the paper shifts vertices, steps through slices and
+// enlarges small triangles, so that the rasteriser leaves no hole, an exact triangle-box test (Akenine-Moeller 2001) finds
+// every voxel touched. Sums are integers: the order in which threads come does not show. With `EMISSION` the second run adds what shines, over the emissive
 // triangles alone: emitted light, as a part of the brightest in the scene, weighted by area.
 //
 // A thread takes a triangle; one whose box holds more than INLINE_VOXELS goes to the queue as bricks of 8^3 voxels, a
