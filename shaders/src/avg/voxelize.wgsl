@@ -4,8 +4,8 @@
 // each of them a cell, the second (`ACCUMULATE`) adds to it the triangle's area within the voxel, and albedo, normal and
 // position weighted by it, and widens the bounds of what is there. Where the paper shifts vertices, steps through slices and
 // enlarges small triangles, so that the rasteriser leaves no hole, an exact triangle-box test (Akenine-Moeller 2001) finds
-// every voxel touched. Sums are integers: the order in which threads come does not show. With `EMISSION` the second run adds what shines, over the emissive
-// triangles alone: emitted light, as a part of the brightest in the scene, weighted by area.
+// every voxel touched. Sums are integers: the order in which threads come does not show. With `EMISSION` the second run adds
+// what shines, over the emissive triangles alone: emitted light, as a part of the brightest in the scene, weighted by area.
 //
 // A thread takes a triangle; one whose box holds more than INLINE_VOXELS goes to the queue as bricks of 8^3 voxels, a
 // workgroup each. Where the queue is full the thread goes on by itself. Threads look for the next voxel touched each on

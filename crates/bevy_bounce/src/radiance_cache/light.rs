@@ -13,7 +13,6 @@ use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::vpl::VplBuffers;
 
-/// Workgroups that share the queue of bricks.
 /// Threads of a workgroup.
 const GROUP: u32 = 64;
 /// Edge of a workgroup over texels.
