@@ -61,6 +61,7 @@ pub mod atlas;
 mod bake;
 pub mod cube_maps;
 mod error;
+pub mod lightmap;
 mod output;
 pub mod outside;
 #[cfg(feature = "processor")]
@@ -74,6 +75,7 @@ pub mod verify;
 
 pub use bake::{BAKER_VERSION, BakeSettings, bake};
 pub use error::BakeError;
+pub use lightmap::{LightmapFiles, LightmapReport, LightmapSettings, bake_lightmap};
 pub use output::write_atomically;
 pub use progress::{Progress, Step};
 pub use report::Report;
