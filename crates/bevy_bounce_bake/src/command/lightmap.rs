@@ -50,9 +50,7 @@ pub fn run(args: &LightmapArgs) -> Result<(), Failure> {
 
 /// The name that the files share.
 fn stem(output: &Path, scene: &Path) -> Result<String, Failure> {
-    let wrong = |problem: &str| {
-        Err(Failure { line: format!("{}: {problem}", output.display()), status: BAD_INPUT })
-    };
+    let wrong = |problem: &str| Err(Failure { line: format!("{}: {problem}", output.display()), status: BAD_INPUT });
     if output.is_dir() {
         return wrong("is a folder; give a file to write, as OUT.glb");
     }

@@ -18,7 +18,8 @@ pub fn fill(cells: &mut [Option<Vec3>], size: UVec3, passes: u32) {
 
 /// The mean of the nearest neighbours that have a value: those that share a side, else an edge, else a corner.
 fn mean_around(cells: &[Option<Vec3>], size: UVec3, cell: usize) -> Option<Vec3> {
-    let at = UVec3::new(cell as u32 % size.x, cell as u32 / size.x % size.y, cell as u32 / (size.x * size.y)).as_ivec3();
+    let at =
+        UVec3::new(cell as u32 % size.x, cell as u32 / size.x % size.y, cell as u32 / (size.x * size.y)).as_ivec3();
     let mut sums = [(Vec3::ZERO, 0); 4];
     for step in 0..27 {
         let offset = glam::IVec3::new(step % 3, step / 3 % 3, step / 9) - 1;

@@ -44,13 +44,14 @@
 //! All opaque and masked surfaces that stand still. What moves by a skin, morph targets or an animation, and what light passes, is
 //! neither in the lightmap nor in the way of light: the volume lights it. A double-sided primitive gets its backs as triangles
 //! of their own and a material that culls, for its sides are lit differently. A mesh that stands in several places is
-//! copied for each. With a second UV set for all ([`UvSource`]) nothing of this is needed, and the geometry stays as it was.
+//! copied for each. Those without a first UV set get one, for Bevy 0.19 has no shader for a second alone. With a second UV set
+//! for all ([`UvSource`]) nothing of this is needed, and the geometry stays as it was.
 //!
 //! # How
 //!
-//! [Radiosity](radiosity) between the texels of the atlas, then one last gathering with more rays. A texel is the mean of up
+//! Radiosity between the texels of the atlas, then one last gathering with more rays. A texel is the mean of up
 //! to four places; those that no light reaches, or that see backs of surfaces for the most part, lie within solids and are left
-//! out, and texels that have only such take the light of their neighbours, as those round each chart do ([`fill`](mod@fill)).
+//! out, and texels that have only such take the light of their neighbours, as those round each chart do.
 //!
 //! Bevy's deferred renderer does not tell lightmapped surfaces from others when it applies irradiance volumes: there they get
 //! both. Its forward renderer takes the lightmap alone.

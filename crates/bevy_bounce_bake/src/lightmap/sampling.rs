@@ -19,7 +19,8 @@ impl Points {
     }
 
     pub fn at(self, index: u32) -> Vec2 {
-        let unit = |axis: usize| (self.0[axis].wrapping_add(STEPS[axis].wrapping_mul(index)) >> 8) as f32 / 16_777_216.0;
+        let unit =
+            |axis: usize| (self.0[axis].wrapping_add(STEPS[axis].wrapping_mul(index)) >> 8) as f32 / 16_777_216.0;
         Vec2::new(unit(0), unit(1))
     }
 }

@@ -18,7 +18,8 @@ const TEXEL: usize = 4;
 /// A file of a texture, which is flat where its depth is 1. What is larger than [`LARGEST`] is cut off.
 pub fn write(texels: &[Vec3], size: UVec3) -> Result<Vec<u8>, BakeError> {
     let format = Format::E5B9G9R9_UFLOAT_PACK32;
-    let failed = |problem: &dyn std::fmt::Debug| BakeError::Atlas(format!("a texture cannot be described: {problem:?}"));
+    let failed =
+        |problem: &dyn std::fmt::Debug| BakeError::Atlas(format!("a texture cannot be described: {problem:?}"));
     let (basic, type_size) = Basic::from_format(format).map_err(|problem| failed(&problem))?;
     let block = Block::Basic(basic).to_vec();
     let descriptor = [&(block.len() as u32 + 4).to_le_bytes(), &block[..]].concat();

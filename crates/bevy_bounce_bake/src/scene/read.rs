@@ -146,8 +146,9 @@ fn read_part(
     let [x, y, z] = [0, 1, 2].map(|axis| transform.col(axis).truncate());
     let side = transform.determinant().signum();
     let turn = Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * side;
-    let normals: Option<Vec<Vec3>> =
-        reader.read_normals().map(|normals| normals.map(|normal| (turn * Vec3::from(normal)).normalize_or_zero()).collect());
+    let normals: Option<Vec<Vec3>> = reader
+        .read_normals()
+        .map(|normals| normals.map(|normal| (turn * Vec3::from(normal)).normalize_or_zero()).collect());
     let normals = normals.filter(|normals| normals.len() == part.positions.len());
     let (uv0, uv1) = (uv(0), uv(1));
     Ok(Some(Part { normals, uv0, uv1, colors, ..part }))

@@ -97,7 +97,8 @@ impl Binary {
     pub fn push_indices(&mut self, indices: &[u32]) -> usize {
         let bytes: Vec<u8> = indices.iter().flat_map(|index| index.to_le_bytes()).collect();
         let view = self.push_view(&bytes, None, Some(INDICES));
-        let accessor = json!({ "bufferView": view, "componentType": UNSIGNED, "count": indices.len(), "type": "SCALAR" });
+        let accessor =
+            json!({ "bufferView": view, "componentType": UNSIGNED, "count": indices.len(), "type": "SCALAR" });
         push(&mut self.root["accessors"], accessor)
     }
 
@@ -119,7 +120,8 @@ impl Binary {
         if !self.bytes.is_empty() {
             self.root["buffers"] = json!([{ "byteLength": self.bytes.len() }]);
         }
-        let mut text = serde_json::to_vec(&self.root).map_err(|error| format!("its JSON cannot be written: {error}"))?;
+        let mut text =
+            serde_json::to_vec(&self.root).map_err(|error| format!("its JSON cannot be written: {error}"))?;
         pad(&mut text, b' ');
         let length = |bytes: usize| u32::try_from(bytes).map_err(|_| "would take more than 4 GiB; split it".to_owned());
         let chunk = if self.bytes.is_empty() { 0 } else { 8 + self.bytes.len() };

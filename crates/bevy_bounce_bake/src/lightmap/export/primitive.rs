@@ -55,7 +55,8 @@ impl Lit {
     ) -> Result<(), String> {
         for (semantic, accessor) in old.attributes().filter(|(semantic, _)| *semantic != Semantic::TexCoords(SET)) {
             let name = semantic.to_string();
-            let elements = elements(&accessor, buffers).ok_or_else(|| format!("{name} cannot be read; export it anew"))?;
+            let elements =
+                elements(&accessor, buffers).ok_or_else(|| format!("{name} cannot be read; export it anew"))?;
             let chosen = self.choose(&elements, accessor.size(), &semantic);
             let chosen = chosen.ok_or_else(|| format!("{name} has fewer vertices than POSITION; export it anew"))?;
             let number = binary.push_like(&accessor, &chosen, true);
@@ -67,7 +68,13 @@ impl Lit {
             }
             json["attributes"][name] = number.into();
         }
-        json["attributes"][Semantic::TexCoords(SET).to_string()] = binary.push_pairs(&self.uv).into();
+        let uv = binary.push_pairs(&self.uv);
+        json["attributes"][Semantic::TexCoords(SET).to_string()] = uv.into();
+        // Bevy 0.19 has no shader for a second set without a first.
+        let first = &mut json["attributes"][Semantic::TexCoords(0).to_string()];
+        if first.is_null() {
+            *first = uv.into();
+        }
         json["indices"] = binary.push_indices(&self.indices).into();
         json["mode"] = 4.into();
         Ok(())
