@@ -62,7 +62,7 @@ fn main() -> ExitCode {
             app.insert_resource(Baked { scene, lightmap, volume })
                 .add_systems(Startup, setup)
                 .add_systems(Update, (wait, move_ball))
-                .add_observer(expose)
+                .add_observer(look)
                 .add_observer(cast_shadows);
         })
     })
@@ -132,9 +132,12 @@ fn cast_shadows(
     suns.iter_mut().for_each(|mut light| light.shadow_maps_enabled = true);
 }
 
-/// A room at night; pictures without a window are metered.
-fn expose(add: On<Add, Camera3d>, mut commands: Commands) {
-    commands.entity(add.entity).insert((Exposure { ev100: 8.0 }, Metered));
+/// Cameras of the file see a room at night and do as the command line asks, which counts for those that are added.
+fn look(_: On<WorldInstanceReady>, cameras: Query<Entity, With<Camera3d>>, mut commands: Commands) {
+    for camera in cameras {
+        let mut camera = commands.entity(camera);
+        camera.remove::<Camera3d>().insert((Camera3d::default(), Exposure { ev100: 8.0 }, Metered));
+    }
 }
 
 fn move_ball(time: Res<Time>, mut balls: Query<&mut Transform, With<Ball>>) {

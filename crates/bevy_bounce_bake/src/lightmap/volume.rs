@@ -2,7 +2,8 @@
 //!
 //! A voxel is an *ambient cube* (Mitchell, *Shading in Valve's Source Engine*, 2006): irradiance over pi for six facings. The
 //! texture of `(x, y, z)` voxels is `(x, 2y, 3z)` texels: facings along x, y and z behind each other in z, the positive of
-//! each over the negative in y, as Bevy's `irradiance_volume.wgsl` takes them. It fills the box round the scene.
+//! each over the negative in y, as Bevy's `irradiance_volume.wgsl` takes them. It fills a box round the scene that is a little
+//! larger, for Bevy counts what lies on its sides as outside.
 
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
@@ -29,13 +30,16 @@ pub struct Volume {
     pub resolution: UVec3,
 }
 
+/// Sides of the box, as a multiple of the scene's.
+const MARGIN: f32 = 1.01;
+
 /// A probe's facings: +x, -x, +y, -y, +z, -z.
 type Cube = [Vec3; 6];
 
 impl Volume {
     /// For a scene within those bounds, with so many voxels along the longest side.
     pub fn new([min, max]: [Vec3; 2], longest: u32) -> Self {
-        let size = max - min;
+        let size = MARGIN * (max - min);
         let spacing = size.max_element() / longest as f32;
         let resolution = (size / spacing).round().as_uvec3().clamp(UVec3::ONE, UVec3::splat(longest));
         // What is flat has a box, too.
