@@ -51,7 +51,8 @@
 //!
 //! Radiosity between the texels of the atlas, then one last gathering with more rays. A texel is the mean of up
 //! to four places; those that no light reaches, or that see backs of surfaces for the most part, lie within solids and are left
-//! out, and texels that have only such take the light of their neighbours, as those round each chart do.
+//! out, and texels that have only such take the light of their neighbours, as those round each chart do. Differences between texels that are no
+//! more than the noise of their rays are evened out.
 //!
 //! Bevy's deferred renderer does not tell lightmapped surfaces from others when it applies irradiance volumes: there they get
 //! both. Its forward renderer takes the lightmap alone.
@@ -61,6 +62,7 @@ mod fill;
 mod places;
 mod radiosity;
 mod sampling;
+mod smooth;
 mod surface;
 mod texture;
 mod volume;
@@ -77,6 +79,7 @@ use export::Marks;
 use fill::fill;
 use places::Places;
 use radiosity::Radiosity;
+use smooth::smooth;
 use surface::Surface;
 use volume::Volume;
 
@@ -188,7 +191,8 @@ pub fn bake_lightmap(
     let lift = LIFT * min.distance(max);
     let radiosity = Radiosity { surface: &surface, places: &places, atlas: &atlas, lights: &lights, lift };
     let solution = radiosity.solve(settings.bounces, progress);
-    let mut light = radiosity.gather(&solution.radiance, settings.rays, progress);
+    let gathered = radiosity.gather(&solution.radiance, settings.rays, progress);
+    let mut light = smooth(&atlas, &cells, &gathered);
     let filled = light.iter().filter(|light| light.is_none()).count();
     if settings.direct {
         light.iter_mut().zip(&solution.direct).for_each(|(light, direct)| {

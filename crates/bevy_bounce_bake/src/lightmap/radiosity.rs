@@ -43,6 +43,14 @@ pub struct Radiosity<'a> {
     pub lift: f32,
 }
 
+/// What rays bring to a texel.
+pub struct Gathered {
+    /// Irradiance over pi, cd/m².
+    pub light: Vec3,
+    /// Of that, as if the rays were independent: an upper bound.
+    pub variance: Vec3,
+}
+
 /// What texels send.
 pub struct Solution {
     /// cd/m².
@@ -140,7 +148,7 @@ impl Radiosity<'_> {
 
     /// Irradiance over pi of every texel by so many rays each, from texels that send `radiance`; nothing for texels that no light
     /// reaches or that lie within solids.
-    pub fn gather(&self, radiance: &[Vec3], rays: u32, progress: &dyn Progress) -> Vec<Option<Vec3>> {
+    pub fn gather(&self, radiance: &[Vec3], rays: u32, progress: &dyn Progress) -> Vec<Option<Gathered>> {
         let lit = count(progress, Step::Gathering, self.atlas.texels.len());
         let texels = (0..self.atlas.texels.len()).into_par_iter().map(|texel| {
             lit(1);
@@ -150,26 +158,31 @@ impl Radiosity<'_> {
     }
 
     /// Each place by itself first: one that lies under what stands there has no part in the texel.
-    fn gather_texel(&self, texel: usize, radiance: &[Vec3], rays: u32) -> Option<Vec3> {
+    fn gather_texel(&self, texel: usize, radiance: &[Vec3], rays: u32) -> Option<Gathered> {
         let places = self.places.of(texel);
         let points = self.points(texel, 0);
-        let (mut sum, mut open) = (Vec3::ZERO, 0);
+        let (mut sum, mut squares, mut open) = (Vec3::ZERO, Vec3::ZERO, 0);
         for (first, place) in (0..).zip(places) {
-            let (mut here, mut backs, mut all) = (Vec3::ZERO, 0, 0);
+            let (mut here, mut here_squares, mut backs, mut all) = (Vec3::ZERO, Vec3::ZERO, 0, 0);
             for index in (first..rays.max(places.len() as u32)).step_by(places.len()) {
                 all += 1;
                 match self.cast(place, points, index) {
-                    Met::Texel(met) => here += radiance[met as usize],
+                    Met::Texel(met) => {
+                        here += radiance[met as usize];
+                        here_squares += radiance[met as usize] * radiance[met as usize];
+                    }
                     Met::Back => backs += 1,
                     Met::Nothing => {}
                 }
             }
             if here.max_element() > 0.0 && backs as f32 <= MOST_BACKS * all as f32 {
                 sum += here;
+                squares += here_squares;
                 open += all;
             }
         }
-        (open > 0).then(|| sum / open as f32)
+        let light = (open > 0).then(|| sum / open as f32)?;
+        Some(Gathered { light, variance: (squares / open as f32 - light * light).max(Vec3::ZERO) / open as f32 })
     }
 }
 
