@@ -47,7 +47,7 @@ pub struct Radiosity<'a> {
 pub struct Gathered {
     /// Irradiance over pi, cd/m².
     pub light: Vec3,
-    /// Of that, as if the rays were independent: an upper bound.
+    /// Of that, as if the rays were independent.
     pub variance: Vec3,
 }
 

@@ -1,7 +1,7 @@
 //! Noise of the rays, evened out where the difference between texels is no more than that.
 //!
-//! A bilateral filter (Tomasi and Manduchi 1998) within each chart, whose tolerance is the texels' own standard error: edges that
-//! are clearer than the noise stay. The fewer rays, the more it does.
+//! A bilateral filter (Tomasi and Manduchi 1998) within each chart, whose tolerance follows from the rays of the texels themselves:
+//! edges that are clearer than the noise stay. The fewer rays, the more it does.
 
 use glam::{IVec2, Vec3};
 use rayon::prelude::*;
@@ -11,6 +11,9 @@ use crate::atlas::Atlas;
 
 /// Texels that are looked at to each side.
 const RADIUS: i32 = 2;
+
+/// Tolerance in standard errors of independent rays, which these are not: points that cover the square evenly err by less.
+const TOLERANCE: f32 = 0.5;
 
 /// The light of all texels, evened out.
 pub fn smooth(atlas: &Atlas, cells: &[Option<u32>], gathered: &[Option<Gathered>]) -> Vec<Option<Vec3>> {
@@ -31,7 +34,8 @@ fn mean(atlas: &Atlas, cells: &[Option<u32>], gathered: &[Option<Gathered>], tex
             let near = near.filter(|&near| atlas.texels[near as usize].texel.chart == here.chart);
             let Some(near) = near.and_then(|near| gathered[near as usize].as_ref()) else { continue };
             let variance = (middle.variance + near.variance).element_sum();
-            let weight = (-0.5 * middle.light.distance_squared(near.light) / variance.max(f32::MIN_POSITIVE)).exp();
+            let tolerated = (TOLERANCE * TOLERANCE * variance).max(f32::MIN_POSITIVE);
+            let weight = (-0.5 * middle.light.distance_squared(near.light) / tolerated).exp();
             sum += near.light * weight;
             weights += weight;
         }

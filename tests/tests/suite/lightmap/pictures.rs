@@ -97,6 +97,14 @@ fn a_volume_lights_what_has_no_lightmap() {
     assert!((0.8..1.25).contains(&energy), "{energy}");
     let both = Metrics::new(&by_both, &by_lightmap).expect("sizes are equal");
     assert!((both.energy - 1.0).abs() < 1.0e-3, "{both:?}");
+    // Bevy 0.19's deferred renderer adds them up.
+    let mut deferred = Baked::new(&files, SIZE, true);
+    let without = deferred.picture();
+    deferred.add_lightmap();
+    deferred.add_volume();
+    let twice = bounced(&deferred.picture(), &without).mean_luminance() / by_lightmap.mean_luminance();
+    println!("both in Bevy's deferred renderer: {twice}");
+    assert!(twice > 1.5, "no longer added up: the documentation says otherwise");
 
     let ball = baked.world().resource_mut::<Assets<Mesh>>().add(Sphere::new(0.5));
     let paint = StandardMaterial { base_color: Color::WHITE, perceptual_roughness: 1.0, reflectance: 0.0, ..default() };
