@@ -1,8 +1,8 @@
-//! What `bounce-bake lightmap` writes, in plain Bevy: a lightmap on all that stands still, an irradiance volume for a ball that
-//! moves. None of this project's plugins runs.
+//! What `bounce-bake lightmap` writes, in plain Bevy: a lightmap on all that stands still, an irradiance volume for a
+//! ball that moves. None of this project's plugins runs.
 //!
-//! `cargo run --example baked_lightmap -- BAKED.glb` shows a file of yours; without one the Cornell box is baked first. A window by
-//! default; `--output FILE.png` renders without one, `--help` lists the options.
+//! `cargo run --example baked_lightmap -- BAKED.glb` shows a file of yours; without one the Cornell box is baked first.
+//! A window by default; `--output FILE.png` renders without one, `--help` lists the options.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

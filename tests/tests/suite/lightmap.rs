@@ -46,8 +46,8 @@ fn a_furnace_is_as_bright_everywhere() {
     }
 }
 
-/// Within a sphere every place lights every other one alike: of what a lamp in the middle gives, `albedo / (1 - albedo)` comes
-/// back by reflections.
+/// Within a sphere every place lights every other one alike: of what a lamp in the middle gives, `albedo / (1 -
+/// albedo)` comes back by reflections.
 #[test]
 fn an_integrating_sphere_is_lit_evenly() {
     const ALBEDO: f32 = 0.6;
@@ -264,7 +264,8 @@ fn the_scene_keeps_everything() {
     attributes_follow(&new);
 }
 
-/// Vertex colours stay with their vertices, normals look to the front of their triangles, and no two surfaces share a texel.
+/// Vertex colours stay with their vertices, normals look to the front of their triangles, and no two surfaces share a
+/// texel.
 fn attributes_follow(file: &gltf::Gltf) {
     let mut places: Vec<[f32; 2]> = Vec::new();
     let (positions, _) = room(0.5);

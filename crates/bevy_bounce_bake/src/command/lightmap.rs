@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use bevy_bounce_bake::lightmap::texture_names;
+use bevy_bounce_bake::lightmap::{BRIGHTEST, texture_names};
 use bevy_bounce_bake::{LightmapSettings, Source, bake_lightmap};
 
 use super::args::LightmapArgs;
@@ -27,7 +27,7 @@ pub fn run(args: &LightmapArgs) -> Result<(), Failure> {
     write_report(args.report.as_deref(), &report)?;
     if report.cut_off > 0 {
         eprintln!(
-            "bounce-bake: {}: {} texels are brighter than the 65408 cd/m² that the format holds; scale the lights down",
+            "bounce-bake: {}: {} texels are brighter than the {BRIGHTEST} cd/m² that the format holds; scale the lights down",
             lightmap.display(),
             report.cut_off
         );

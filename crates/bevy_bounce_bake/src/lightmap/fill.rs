@@ -1,9 +1,10 @@
-//! Cells without light of their own take that of their neighbours, so that filtering blends nothing black into a surface.
+//! Cells without light of their own take that of their neighbours, so that filtering blends nothing black into a
+//! surface.
 
 use glam::{UVec3, Vec3};
 
-/// `passes` rings of cells take the mean of those beside them that have a value; a texture of depth 1 is flat. Cells that get
-/// none stay without.
+/// `passes` rings of cells take the mean of those beside them that have a value; a texture of depth 1 is flat. Cells
+/// that get none stay without.
 pub fn fill(cells: &mut [Option<Vec3>], size: UVec3, passes: u32) {
     for _ in 0..passes {
         let empty: Vec<usize> = (0..cells.len()).filter(|&cell| cells[cell].is_none()).collect();

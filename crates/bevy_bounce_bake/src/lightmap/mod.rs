@@ -1,7 +1,7 @@
 //! Lightmaps and an irradiance volume for plain Bevy.
 //!
-//! From a glTF file comes another one with everything that was in it, a second UV set and its own place in the atlas for each
-//! surface, and beside it two textures that Bevy 0.19 reads as they are:
+//! From a glTF file comes another one with everything that was in it, a second UV set and its own place in the atlas
+//! for each surface, and beside it two textures that Bevy 0.19 reads as they are:
 //!
 //! | file | in Bevy | holds |
 //! |---|---|---|
@@ -9,7 +9,8 @@
 //! | `NAME.lightmap.ktx2` | `Lightmap::image`, all of it | irradiance over pi, cd/m²: `StandardMaterial::lightmap_exposure` stays 1 |
 //! | `NAME.volume.ktx2` | `IrradianceVolume::voxels` | the same for six facings a voxel: `intensity` is 1 |
 //!
-//! Bevy's loader knows nothing of lightmaps. An observer of a few lines hands them out; `examples/baked_lightmap.rs` is one:
+//! Bevy's loader knows nothing of lightmaps. An observer of a few lines hands them out; `examples/baked_lightmap.rs` is
+//! one:
 //!
 //! ```ignore
 //! fn hand_out(
@@ -34,28 +35,28 @@
 //!
 //! # What is in the light
 //!
-//! All that bounces, and all that emissive surfaces send; not what lamps light by themselves, which Bevy adds live, unless
-//! [`LightmapSettings::direct`] says so. Lamps ([`lights`](crate::scene::lights)) cast shadows in the bake: switch theirs on in
-//! Bevy, whose loader leaves them off, and ambient light off. Emission counts as cd/m², as glTF has it; plain Bevy shows it
-//! without exposure unless `StandardMaterial::emissive_exposure_weight` is 1. The sky is black.
+//! All that bounces, and all that emissive surfaces send; not what lamps light by themselves, which Bevy adds live,
+//! unless [`LightmapSettings::direct`] says so. Lamps ([`lights`](crate::scene::lights)) cast shadows in the bake:
+//! switch theirs on in Bevy, whose loader leaves them off, and ambient light off. Emission counts as cd/m², as glTF has
+//! it; plain Bevy shows it without exposure unless `StandardMaterial::emissive_exposure_weight` is 1. The sky is black.
 //!
 //! # What is lit
 //!
-//! All opaque and masked surfaces that stand still. What moves by a skin, morph targets or an animation, and what light passes, is
-//! neither in the lightmap nor in the way of light: the volume lights it. A double-sided primitive gets its backs as triangles
-//! of their own and a material that culls, for its sides are lit differently. A mesh that stands in several places is
-//! copied for each. Those without a first UV set get one, for Bevy 0.19 has no shader for a second alone. With a second UV set
-//! for all ([`UvSource`]) nothing of this is needed, and the geometry stays as it was.
+//! All opaque and masked surfaces that stand still. What moves by a skin, morph targets or an animation, and what light
+//! passes, is neither in the lightmap nor in the way of light: the volume lights it. A double-sided primitive gets its
+//! backs as triangles of their own and a material that culls, for its sides are lit differently. A mesh that stands in
+//! several places is copied for each. Those without a first UV set get one, for Bevy 0.19 has no shader for a second
+//! alone. With a second UV set for all ([`UvSource`]) nothing of this is needed, and the geometry stays as it was.
 //!
 //! # How
 //!
-//! Radiosity between the texels of the atlas, then one last gathering with more rays. A texel is the mean of up
-//! to four places; those that no light reaches, or that see backs of surfaces for the most part, lie within solids and are left
-//! out, and texels that have only such take the light of their neighbours, as those round each chart do. Differences between texels that are no
-//! more than the noise of their rays are evened out.
+//! Radiosity between the texels of the atlas, then one last gathering with more rays. A texel is the mean of up to four
+//! places; those that no light reaches, or that see backs of surfaces for the most part, lie within solids and are left
+//! out, and texels that have only such take the light of their neighbours, as those round each chart do. Differences
+//! between texels that are no more than the noise of their rays are evened out.
 //!
-//! Bevy's deferred renderer does not tell lightmapped surfaces from others when it applies irradiance volumes: there they get
-//! both. Its forward renderer takes the lightmap alone.
+//! Bevy's deferred renderer does not tell lightmapped surfaces from others when it applies irradiance volumes: there
+//! they get both. Its forward renderer takes the lightmap alone.
 
 mod export;
 mod fill;
@@ -85,6 +86,8 @@ use volume::Volume;
 
 /// Rings of cells round each chart that take the light of their neighbours: as many as bicubic filtering reads.
 const RINGS: u32 = 2;
+/// The brightest texel that the textures hold, cd/m².
+pub const BRIGHTEST: f32 = texture::LARGEST;
 
 /// What can be chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -159,7 +162,7 @@ pub struct LightmapReport {
     pub rays: u32,
     /// Voxels of the irradiance volume.
     pub probes: [u32; 3],
-    /// Texels brighter than the format holds, which is 65408 cd/m².
+    /// Texels brighter than [`BRIGHTEST`].
     pub cut_off: usize,
     /// From the file's bytes to the new ones.
     pub seconds: f64,
@@ -170,8 +173,9 @@ pub fn texture_names(stem: &str) -> [String; 2] {
     [format!("{stem}.lightmap.ktx2"), format!("{stem}.volume.ktx2")]
 }
 
-/// Bakes the default scene of a file, on all threads of the current `rayon` pool. The result does not depend on how many those
-/// are. `stem` is the name of the new scene, without extension: the scene refers to its textures by [`texture_names`].
+/// Bakes the default scene of a file, on all threads of the current `rayon` pool. The result does not depend on how
+/// many those are. `stem` is the name of the new scene, without extension: the scene refers to its textures by
+/// [`texture_names`].
 pub fn bake_lightmap(
     source: &Source,
     stem: &str,
@@ -203,7 +207,7 @@ pub fn bake_lightmap(
     let volume = (settings.probes > 0).then(|| Volume::new([min, max], settings.probes));
     let voxels = volume.map(|volume| volume.light(&surface, &solution.radiance, progress));
 
-    let brightest = |texel: &&Vec3| texel.max_element() > texture::LARGEST;
+    let brightest = |texel: &&Vec3| texel.max_element() > BRIGHTEST;
     let report = LightmapReport {
         atlas: atlas.size.to_array(),
         texels: atlas.texels.len(),

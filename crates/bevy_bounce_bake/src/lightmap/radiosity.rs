@@ -1,10 +1,10 @@
 //! Radiosity between texels: light from lamps by shadow rays, from texel to texel by rays with a cosine distribution.
 //!
-//! A texel sends the same to all sides. What comes to it is the mean of what its rays meet, which is irradiance over pi; times
-//! the diffuse colour that is what it sends on (Goral, Torrance, Greenberg and Battaile 1984, by Monte Carlo form factors).
-//! The rays of the bounces are cast once and kept as *links*, so that a bounce is a few loads a link; the last step, which is
-//! what the lightmap holds, casts rays of its own. Every texel is computed by itself in a fixed order: the result does not
-//! depend on the number of threads.
+//! A texel sends the same to all sides. What comes to it is the mean of what its rays meet, which is irradiance over
+//! pi; times the diffuse colour that is what it sends on (Goral, Torrance, Greenberg and Battaile 1984, by Monte Carlo
+//! form factors). The rays of the bounces are cast once and kept as *links*, so that a bounce is a few loads a link;
+//! the last step, which is what the lightmap holds, casts rays of its own. Every texel is computed by itself in a fixed
+//! order: the result does not depend on the number of threads.
 
 use bevy_bounce_cssm::NO_TEXEL;
 use glam::Vec3;
@@ -78,10 +78,9 @@ impl Radiosity<'_> {
         });
         let diffuse: Vec<Vec3> = self.atlas.texels.iter().map(|texel| texel.texel.diffuse.into()).collect();
         let reflect = |arriving: &[Vec3]| -> Vec<Vec3> { arriving.iter().zip(&diffuse).map(|(a, b)| a * b).collect() };
-        let mut last = reflect(&direct);
-        let mut radiance: Vec<Vec3> = last.iter().zip(&self.places.emission).map(|(a, b)| a + b).collect();
-        // The first gathering is of all that texels send by themselves; emission is no reflection.
-        last.clone_from(&radiance);
+        let reflected = reflect(&direct);
+        let mut radiance: Vec<Vec3> = reflected.iter().zip(&self.places.emission).map(|(a, b)| a + b).collect();
+        let mut last = radiance.clone();
         let most = bounces.unwrap_or(MOST_BOUNCES).clamp(1, MOST_BOUNCES);
         let mut done = 1;
         while done < most {
@@ -146,8 +145,8 @@ impl Radiosity<'_> {
         arriving.sum()
     }
 
-    /// Irradiance over pi of every texel by so many rays each, from texels that send `radiance`; nothing for texels that no light
-    /// reaches or that lie within solids.
+    /// Irradiance over pi of every texel by so many rays each, from texels that send `radiance`; nothing for texels
+    /// that no light reaches or that lie within solids.
     pub fn gather(&self, radiance: &[Vec3], rays: u32, progress: &dyn Progress) -> Vec<Option<Gathered>> {
         let lit = count(progress, Step::Gathering, self.atlas.texels.len());
         let texels = (0..self.atlas.texels.len()).into_par_iter().map(|texel| {

@@ -1,7 +1,7 @@
 //! Noise of the rays, evened out where the difference between texels is no more than that.
 //!
-//! A bilateral filter (Tomasi and Manduchi 1998) within each chart, whose tolerance follows from the rays of the texels themselves:
-//! edges that are clearer than the noise stay. The fewer rays, the more it does.
+//! A bilateral filter (Tomasi and Manduchi 1998) within each chart, whose tolerance follows from the rays of the texels
+//! themselves: edges that are clearer than the noise stay. The fewer rays, the more it does.
 
 use glam::{IVec2, Vec3};
 use rayon::prelude::*;
@@ -12,7 +12,8 @@ use crate::atlas::Atlas;
 /// Texels that are looked at to each side.
 const RADIUS: i32 = 2;
 
-/// Tolerance in standard errors of independent rays, which these are not: points that cover the square evenly err by less.
+/// Tolerance in standard errors of independent rays, which these are not: points that cover the square evenly err by
+/// less.
 const TOLERANCE: f32 = 0.5;
 
 /// The light of all texels, evened out.

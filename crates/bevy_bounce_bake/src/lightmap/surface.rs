@@ -11,7 +11,8 @@ use crate::scene::Scene;
 pub enum Met {
     /// A texel, by its number in the atlas.
     Texel(u32),
-    /// The back of a surface that has only a front: the ray began within a solid, or looks at what was not meant to be seen.
+    /// The back of a surface that has only a front: the ray began within a solid, or looks at what was not meant to be
+    /// seen.
     Back,
     /// Nothing that sends light.
     Nothing,

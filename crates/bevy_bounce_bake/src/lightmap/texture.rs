@@ -1,5 +1,5 @@
-//! Textures as files: KTX 2 with 9 bits for each of red, green and blue and 5 for their common exponent, which every GPU
-//! filters, in 4 bytes a texel.
+//! Textures as files: KTX 2 with 9 bits for each of red, green and blue and 5 for their common exponent, which every
+//! GPU filters, in 4 bytes a texel.
 
 use glam::{UVec3, Vec3};
 use ktx2::dfd::{Basic, Block};

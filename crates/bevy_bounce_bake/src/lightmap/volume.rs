@@ -1,9 +1,9 @@
 //! Light in the room between surfaces, for what moves there: an irradiance volume as Bevy 0.19 reads it.
 //!
-//! A voxel is an *ambient cube* (Mitchell, *Shading in Valve's Source Engine*, 2006): irradiance over pi for six facings. The
-//! texture of `(x, y, z)` voxels is `(x, 2y, 3z)` texels: facings along x, y and z behind each other in z, the positive of
-//! each over the negative in y, as Bevy's `irradiance_volume.wgsl` takes them. It fills a box round the scene that is a little
-//! larger, for Bevy counts what lies on its sides as outside.
+//! A voxel is an *ambient cube* (Mitchell, *Shading in Valve's Source Engine*, 2006): irradiance over pi for six
+//! facings. The texture of `(x, y, z)` voxels is `(x, 2y, 3z)` texels: facings along x, y and z behind each other in z,
+//! the positive of each over the negative in y, as Bevy's `irradiance_volume.wgsl` takes them. It fills a box round the
+//! scene that is a little larger, for Bevy counts what lies on its sides as outside.
 
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;

@@ -75,8 +75,8 @@ fn a_real_scene_equals_its_reference() {
     check("sibenik", &lightmapped(&join(&json, rest), &settings, false), &reference);
 }
 
-/// Surfaces lit by the volume alone are about as bright as by the lightmap, and a ball between red and green walls is red on one
-/// side and green on the other. With both, the lightmap counts alone.
+/// Surfaces lit by the volume alone are about as bright as by the lightmap, and a ball between red and green walls is
+/// red on one side and green on the other. With both, the lightmap counts alone.
 #[test]
 fn a_volume_lights_what_has_no_lightmap() {
     let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/cornell_box.glb");

@@ -1,7 +1,7 @@
 //! The scene with its second UV set: everything else stays as it stands in the file.
 //!
-//! The JSON is changed in place, so that what no reader here knows is kept. All buffers become the binary chunk, and pictures
-//! beside the file go into it.
+//! The JSON is changed in place, so that what no reader here knows is kept. All buffers become the binary chunk, and
+//! pictures beside the file go into it.
 
 mod binary;
 mod primitive;
