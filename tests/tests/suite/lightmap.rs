@@ -364,3 +364,24 @@ fn what_cannot_be_lit_is_refused() {
     let endless = said(&|json| json["nodes"][6]["translation"] = json!([1.0e39, 0.0, 0.0]));
     assert!(endless.contains("node 6") && endless.contains("not finite"), "{endless}");
 }
+
+#[test]
+fn damaged_files_do_no_harm() {
+    let settings = LightmapSettings { atlas: 24, rays: 16, probes: 1, ..SMALL };
+    for bytes in [cornell_box(), collection()] {
+        let mut rng = fastrand::Rng::with_seed(4);
+        let mut baked = 0;
+        for _ in 0..150 {
+            let mut damaged = bytes.clone();
+            for _ in 0..rng.usize(1..4) {
+                let at = rng.usize(0..damaged.len());
+                damaged[at] = rng.u8(..);
+            }
+            // Whatever comes of it, it is no panic.
+            let source = Source::parse("room.glb".into(), &damaged);
+            let files = source.and_then(|source| bake_lightmap(&source, STEM, &settings, &()));
+            baked += usize::from(files.is_ok_and(|(files, _)| gltf::Gltf::from_slice(&files.scene).is_ok()));
+        }
+        assert!(baked > 0, "nothing was as good as before");
+    }
+}

@@ -57,6 +57,32 @@
 //!
 //! Bevy's deferred renderer does not tell lightmapped surfaces from others when it applies irradiance volumes: there
 //! they get both. Its forward renderer takes the lightmap alone.
+//!
+//! # Measured
+//!
+//! What the lightmap adds to Bevy's picture, as energy against path-traced references of as many bounces; `low` is the
+//! error that is left when noise is averaged away. `cargo test --workspace --test suite lightmap -- --nocapture
+//! --include-ignored` prints it:
+//!
+//! | scene | atlas | rays | energy | low |
+//! |---|---|---|---|---|
+//! | Cornell box, 34 triangles | 128 | 128 | 0.987 | 0.043 |
+//! | a corner with spheres, 2,338 triangles | 256 | 128 | 0.988 | 0.024 |
+//! | a room lit from round the corner, 36 triangles | 256 | 128 | 0.992 | 0.033 |
+//! | a cathedral, 75,276 triangles, all of them double-sided | 1024 | 64 | 0.992 | 0.056 |
+//!
+//! Surfaces that are lit by a volume of 8 voxels a side instead are 1.045 times as bright as by the lightmap.
+//!
+//! `bounce-bake lightmap assets/cornell_box.glb -o OUT.glb --atlas N`, debug build, two cores that other programs used
+//! too:
+//!
+//! | atlas | texels | rays | seconds | processor | peak memory |
+//! |---|---|---|---|---|---|
+//! | 256 | 44,207 | 512 | 10.3 | 10.1 | 39 MB |
+//! | 512 | 180,012 | 512 | 37.6 | 37.7 | 111 MB |
+//!
+//! The cathedral's 503,636 texels in 22,874 charts took 251 s in that test; where charts are so many, a good part of
+//! this is spent on finding places for them.
 
 mod export;
 mod fill;
@@ -199,9 +225,11 @@ pub fn bake_lightmap(
     let mut light = smooth(&atlas, &cells, &gathered);
     let filled = light.iter().filter(|light| light.is_none()).count();
     if settings.direct {
-        light.iter_mut().zip(&solution.direct).for_each(|(light, direct)| {
-            *light = light.map(|light| light + *direct).or(Some(*direct).filter(|direct| *direct != Vec3::ZERO));
-        });
+        for ((light, gathered), direct) in light.iter_mut().zip(&gathered).zip(&solution.direct) {
+            // Where nothing bounces, lamps may light nevertheless.
+            let alone = Some(*direct).filter(|direct| *direct != Vec3::ZERO);
+            *light = light.zip(gathered.as_ref()).map(|(light, gathered)| light + gathered.direct).or(alone);
+        }
     }
     let texels = spread(&atlas, &cells, &light);
     let volume = (settings.probes > 0).then(|| Volume::new([min, max], settings.probes));

@@ -6,6 +6,8 @@
 //! the last step, which is what the lightmap holds, casts rays of its own. Every texel is computed by itself in a fixed
 //! order: the result does not depend on the number of threads.
 
+use std::f32::consts::PI;
+
 use bevy_bounce_cssm::NO_TEXEL;
 use glam::Vec3;
 use rayon::prelude::*;
@@ -49,6 +51,8 @@ pub struct Gathered {
     pub light: Vec3,
     /// Of that, as if the rays were independent.
     pub variance: Vec3,
+    /// Irradiance from lamps over pi, cd/m².
+    pub direct: Vec3,
 }
 
 /// What texels send.
@@ -129,9 +133,10 @@ impl Radiosity<'_> {
     fn direct(&self, texel: usize) -> Vec3 {
         let places = self.places.of(texel);
         let sum: Vec3 = places.iter().map(|place| self.direct_at(place)).sum();
-        sum / (std::f32::consts::PI * places.len() as f32)
+        sum / places.len() as f32
     }
 
+    /// Irradiance from lamps over pi.
     fn direct_at(&self, place: &Place) -> Vec3 {
         let from = place.position + place.plane * self.lift;
         let arriving = self.lights.iter().filter_map(|light| {
@@ -142,7 +147,7 @@ impl Radiosity<'_> {
                 && self.surface.bvh.is_free(from, ray.direction, ray.distance);
             seen.then(|| ray.illuminance * cosine)
         });
-        arriving.sum()
+        arriving.sum::<Vec3>() / PI
     }
 
     /// Irradiance over pi of every texel by so many rays each, from texels that send `radiance`; nothing for texels
@@ -160,7 +165,7 @@ impl Radiosity<'_> {
     fn gather_texel(&self, texel: usize, radiance: &[Vec3], rays: u32) -> Option<Gathered> {
         let places = self.places.of(texel);
         let points = self.points(texel, 0);
-        let (mut sum, mut squares, mut open) = (Vec3::ZERO, Vec3::ZERO, 0);
+        let (mut sum, mut squares, mut direct, mut open) = (Vec3::ZERO, Vec3::ZERO, Vec3::ZERO, 0);
         for (first, place) in (0..).zip(places) {
             let (mut here, mut here_squares, mut backs, mut all) = (Vec3::ZERO, Vec3::ZERO, 0, 0);
             for index in (first..rays.max(places.len() as u32)).step_by(places.len()) {
@@ -177,11 +182,13 @@ impl Radiosity<'_> {
             if here.max_element() > 0.0 && backs as f32 <= MOST_BACKS * all as f32 {
                 sum += here;
                 squares += here_squares;
+                direct += self.direct_at(place) * all as f32;
                 open += all;
             }
         }
         let light = (open > 0).then(|| sum / open as f32)?;
-        Some(Gathered { light, variance: (squares / open as f32 - light * light).max(Vec3::ZERO) / open as f32 })
+        let variance = (squares / open as f32 - light * light).max(Vec3::ZERO) / open as f32;
+        Some(Gathered { light, variance, direct: direct / open as f32 })
     }
 }
 
