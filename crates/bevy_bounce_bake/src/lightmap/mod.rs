@@ -36,9 +36,13 @@
 //! # What is in the light
 //!
 //! All that bounces, and all that emissive surfaces send; not what lamps light by themselves, which Bevy adds live,
-//! unless [`LightmapSettings::direct`] says so. Lamps ([`lights`](crate::scene::lights)) cast shadows in the bake:
-//! switch theirs on in Bevy, whose loader leaves them off, and ambient light off. Emission counts as cd/m², as glTF has
-//! it; plain Bevy shows it without exposure unless `StandardMaterial::emissive_exposure_weight` is 1. The sky is black.
+//! unless [`LightmapSettings::direct`] says so. Emission counts as cd/m², as glTF has it; plain Bevy shows it without
+//! exposure unless `StandardMaterial::emissive_exposure_weight` is 1. The sky is black.
+//!
+//! Lamps (`KHR_lights_punctual`) are as Bevy 0.19 loads and shades them: their colours are taken for sRGB, they reach 20
+//! units where they name no range, and fade out towards its end and the edge of their cone. They cast shadows: switch
+//! these on in Bevy, whose loader leaves them off, and ambient light off. Lamps that move count where they stand in the
+//! file.
 //!
 //! # What is lit
 //!

@@ -9,8 +9,8 @@ mod read;
 mod source;
 
 pub use cutout::Cutout;
-pub use emission::{Emission, emissions};
-pub use lights::{Light, lights};
+pub(crate) use emission::{Emission, emissions};
+pub(crate) use lights::{Light, lights};
 pub use materials::{Material, Picture};
 pub(crate) use read::buffers;
 pub use source::Source;

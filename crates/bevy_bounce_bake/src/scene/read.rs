@@ -9,8 +9,7 @@ use super::{Material, Part, Scene, Source, check};
 use crate::BakeError;
 
 impl Scene {
-    /// The default scene of a glTF file, else its first. Skinned and morphed meshes are taken as they stand in the
-    /// file.
+    /// The default scene of a glTF file, else its first. Skinned and morphed meshes are taken as they stand in the file.
     pub fn from_gltf(source: &Source) -> Result<Self, BakeError> {
         let wrong = |problem: String| BakeError::source(&source.name, problem);
         let buffers = buffers(source).map_err(wrong)?;
