@@ -9,6 +9,7 @@
 //! | [`gpu`] | one compute shader on its own: bind, dispatch, read back |
 //! | [`glb`] | whole glTF scenes in the form that the shaders read |
 //! | [`layout`] | memory layouts of the structs that Rust and WGSL share |
+//! | [`lightmaps`] | small glTF files, their lightmaps, and both in plain Bevy |
 //! | [`picture`], [`metrics`], [`flip`] | pictures and how far apart they are |
 //! | [`references`] | where scenes and path-traced references are |
 //! | [`scene`] | small scenes in the form that the shaders read |
@@ -27,6 +28,7 @@ pub mod flip;
 pub mod glb;
 pub mod gpu;
 pub mod layout;
+pub mod lightmaps;
 pub mod metrics;
 pub mod picture;
 pub mod references;

@@ -18,7 +18,7 @@ pub const BAKER_VERSION: u32 = 2;
 
 /// How far above its texel a cube map stands, as a share of the object's diameter: enough that no ray starts under its own
 /// surface by rounding.
-const LIFT: f32 = 1.0e-4;
+pub(crate) const LIFT: f32 = 1.0e-4;
 /// The far plane, as a multiple of the object's diameter.
 const FAR: f32 = 1.001;
 
@@ -112,7 +112,7 @@ pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &dyn Progress) -> 
 }
 
 /// Tells `progress` of a step of which so many more are done at each call.
-fn count(progress: &dyn Progress, step: Step, all: usize) -> impl Fn(usize) + Sync + '_ {
+pub(crate) fn count(progress: &dyn Progress, step: Step, all: usize) -> impl Fn(usize) + Sync + '_ {
     let done = AtomicUsize::new(0);
     progress.report(step, 0, Some(all));
     move |more| progress.report(step, done.fetch_add(more, Ordering::Relaxed) + more, Some(all))

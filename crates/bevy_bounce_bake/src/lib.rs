@@ -1,4 +1,4 @@
-//! Bakes coherent surface shadow maps, the files of [`bevy_bounce_cssm`].
+//! Bakes coherent surface shadow maps, the files of [`bevy_bounce_cssm`], and [lightmaps](lightmap) for plain Bevy.
 //!
 //! Three ways to the same bytes: the `bounce-bake` command, the asset processor of the `processor` feature, and [`bake()`].
 //!
@@ -25,6 +25,7 @@
 //! | the fewest runs, and their codes | [`bevy_bounce_cssm::block`] |
 //! | the object seen from outside | [`outside`] |
 //! | decoded visibility against exact rays | [`verify`](mod@verify) |
+//! | instead of maps: light, as textures that Bevy reads | [`lightmap`] |
 //!
 //! Blocks do not depend on each other: each is cast and encoded by one thread, and only their words are kept. The memory
 //! is that of the result and of a few megabytes a thread, and the bytes do not depend on the number of threads.
@@ -61,6 +62,7 @@ pub mod atlas;
 mod bake;
 pub mod cube_maps;
 mod error;
+pub mod lightmap;
 mod output;
 pub mod outside;
 #[cfg(feature = "processor")]
@@ -74,6 +76,7 @@ pub mod verify;
 
 pub use bake::{BAKER_VERSION, BakeSettings, bake};
 pub use error::BakeError;
+pub use lightmap::{LightmapFiles, LightmapReport, LightmapSettings, bake_lightmap};
 pub use output::write_atomically;
 pub use progress::{Progress, Step};
 pub use report::Report;

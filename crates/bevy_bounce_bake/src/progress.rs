@@ -13,6 +13,14 @@ pub enum Step {
     Casting,
     /// Maps from outside are cast and encoded; counts them.
     Outside,
+    /// Texels of a lightmap find what lights them; counts them.
+    Linking,
+    /// Light goes from texel to texel; counts bounces, of which nobody knows how many it takes.
+    Bouncing,
+    /// Texels of a lightmap are lit; counts them.
+    Gathering,
+    /// Probes of an irradiance volume are lit; counts them.
+    Probing,
 }
 
 impl fmt::Display for Step {
@@ -23,6 +31,10 @@ impl fmt::Display for Step {
             Self::Packing => "packings tried",
             Self::Casting => "depth maps",
             Self::Outside => "maps from outside",
+            Self::Linking => "texels linked",
+            Self::Bouncing => "bounces",
+            Self::Gathering => "texels lit",
+            Self::Probing => "probes lit",
         })
     }
 }

@@ -6,6 +6,7 @@ mod compose;
 mod cssm;
 mod deform;
 mod harness;
+mod lightmap;
 mod metrics;
 mod octahedral;
 mod panel;

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use bevy_bounce_bake::Strategy;
+use bevy_bounce_bake::{LightmapSettings, Strategy};
 use clap::{Args as ClapArgs, Parser, Subcommand};
 
-/// Bakes visibility between all points of rigid objects.
+/// Bakes visibility between all points of rigid objects, or lightmaps for plain Bevy.
 #[derive(Parser)]
 #[command(name = "bounce-bake", version, about)]
 pub struct Args {
@@ -25,12 +25,8 @@ pub enum Command {
     },
     /// Compare decoded visibility with exact rays between random points of the surface; exit status 1 below the threshold
     Verify(VerifyArgs),
-    /// A glTF with lightmaps for plain Bevy (not built yet)
-    #[command(disable_help_flag = true)]
-    Lightmap {
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
-        _rest: Vec<String>,
-    },
+    /// Bake lightmap and irradiance volume of a glTF scene, for plain Bevy
+    Lightmap(LightmapArgs),
 }
 
 #[derive(ClapArgs)]
@@ -57,6 +53,43 @@ pub struct BakeArgs {
     #[arg(long, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1024))]
     pub threads: Option<usize>,
     /// Write sizes, ratio and time as JSON
+    #[arg(long, value_name = "FILE.json")]
+    pub report: Option<PathBuf>,
+    /// No progress bar and no summary
+    #[arg(short, long)]
+    pub quiet: bool,
+}
+
+#[derive(ClapArgs)]
+pub struct LightmapArgs {
+    /// What to light: the default scene of a .glb or .gltf file
+    #[arg(value_name = "SCENE.glb")]
+    pub scene: PathBuf,
+    /// Where to: the scene with a second UV set; OUT.lightmap.ktx2 and OUT.volume.ktx2 are written beside it
+    #[arg(short, long, value_name = "OUT.glb")]
+    pub output: PathBuf,
+    /// Side of the lightmap in texels
+    #[arg(long, value_name = "N", default_value_t = LightmapSettings::default().atlas)]
+    pub atlas: u32,
+    /// Rays of a texel; noise falls with their square root
+    #[arg(long, value_name = "N", default_value_t = LightmapSettings::default().rays)]
+    pub rays: u32,
+    /// Most reflections [default: as many as matter]
+    #[arg(long, value_name = "N")]
+    pub bounces: Option<u32>,
+    /// Voxels of the irradiance volume along the longest side; 0 for no volume
+    #[arg(long, value_name = "N", default_value_t = LightmapSettings::default().probes)]
+    pub probes: u32,
+    /// The lightmap holds what lamps light by themselves, too
+    #[arg(long)]
+    pub direct: bool,
+    /// Unwrap anew even where every mesh has a second UV set
+    #[arg(long)]
+    pub unwrap: bool,
+    /// How many threads; one a core by default
+    #[arg(long, value_name = "N", value_parser = clap::builder::RangedU64ValueParser::<usize>::new().range(1..=1024))]
+    pub threads: Option<usize>,
+    /// Write sizes, counts and time as JSON
     #[arg(long, value_name = "FILE.json")]
     pub report: Option<PathBuf>,
     /// No progress bar and no summary

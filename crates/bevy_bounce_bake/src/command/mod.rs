@@ -1,6 +1,7 @@
 //! What the command does.
 
 mod args;
+mod lightmap;
 mod progress;
 
 use std::path::Path;
@@ -36,7 +37,7 @@ pub fn run() -> ExitCode {
         Command::Bake(args) => run_bake(&args),
         Command::Info { file } => run_info(&file),
         Command::Verify(args) => run_verify(&args),
-        Command::Lightmap { .. } => Err(Failure { line: "not built yet: lightmap".into(), status: BAD_INPUT }),
+        Command::Lightmap(args) => lightmap::run(&args),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -58,14 +59,8 @@ fn run_bake(args: &BakeArgs) -> Result<(), Failure> {
     let bar = Bar::new(args.quiet);
     let (file, report) = with_threads(args.threads, || bake(&scene, &settings, &bar))??;
     bar.finish();
-    let bytes = file.to_bytes();
-    let failed = |error: BakeError| Failure { line: error.to_string(), status: FAILED };
-    write_atomically(&args.output, &bytes).map_err(failed)?;
-    if let Some(path) = &args.report {
-        let json = serde_json::to_vec_pretty(&report)
-            .map_err(|error| Failure { line: format!("{}: {error}", path.display()), status: FAILED })?;
-        write_atomically(path, &json).map_err(failed)?;
-    }
+    write(&args.output, &file.to_bytes())?;
+    write_report(args.report.as_deref(), &report)?;
     if !args.quiet {
         println!(
             "{}: {} depth maps, {} runs, {} in {}, {:.1} : 1, {:.1} s",
@@ -142,6 +137,19 @@ fn run_verify(args: &VerifyArgs) -> Result<(), Failure> {
         return Err(Failure { line, status: FAILED });
     }
     Ok(())
+}
+
+/// Writes a result.
+fn write(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+    write_atomically(path, bytes).map_err(|error| Failure { line: error.to_string(), status: FAILED })
+}
+
+/// Writes a report where one is asked for.
+fn write_report(path: Option<&Path>, report: &impl serde::Serialize) -> Result<(), Failure> {
+    let Some(path) = path else { return Ok(()) };
+    let json = serde_json::to_vec_pretty(report)
+        .map_err(|error| Failure { line: format!("{}: {error}", path.display()), status: FAILED })?;
+    write(path, &json)
 }
 
 /// Runs `body` on so many threads, or on one a core.

@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use glam::Vec3;
-use obvhs::{BvhBuildParams, bvh2::Bvh2, bvh2::builder::build_bvh2_from_tris, ray::Ray, triangle::Triangle};
+use obvhs::ray::{Ray, RayHit};
+use obvhs::{BvhBuildParams, bvh2::Bvh2, bvh2::builder::build_bvh2_from_tris, triangle::Triangle};
 
 use crate::scene::{Cutout, Material, Scene};
 
@@ -18,6 +19,17 @@ pub struct Node {
     pub first: u32,
     /// Triangles of a leaf, 0 for inner nodes.
     pub count: u32,
+}
+
+/// A place where a ray meets a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Hit {
+    /// Which of [`Scene::occluders`].
+    pub occluder: u32,
+    /// Of the triangle's corners; they add up to 1.
+    pub weights: [f32; 3],
+    /// Whether it is the side from which the corners run counter-clockwise.
+    pub front: bool,
 }
 
 /// A bounding volume hierarchy over the triangles that stop light.
@@ -83,6 +95,26 @@ impl<'a> Bvh<'a> {
         hits.sort_by(f32::total_cmp);
         hits.dedup_by(|at, last| *at - *last <= margin);
         hits.len()
+    }
+
+    /// The first surface that a ray from `from` meets.
+    pub fn first(&self, from: Vec3, direction: Vec3) -> Option<Hit> {
+        let ray = Ray::new(from.to_array().into(), direction.to_array().into(), 0.0, f32::INFINITY);
+        let mut nearest = RayHit::none();
+        self.tree.ray_traverse(ray, &mut nearest, |ray, id| self.meets(ray, id, from, direction));
+        let triangle = (nearest.t < f32::INFINITY).then_some(nearest.primitive_id as usize)?;
+        let corners = &self.triangles[triangle];
+        Some(Hit {
+            occluder: self.tree.primitive_indices[triangle],
+            weights: weights(corners, from + direction * nearest.t),
+            front: (corners[1] - corners[0]).cross(corners[2] - corners[0]).dot(direction) < 0.0,
+        })
+    }
+
+    /// Whether a ray from `from` meets nothing for that many lengths of `direction`.
+    pub fn is_free(&self, from: Vec3, direction: Vec3, distance: f32) -> bool {
+        let ray = Ray::new(from.to_array().into(), direction.to_array().into(), 0.0, distance);
+        self.tree.ray_traverse_miss(ray, |ray, id| self.meets(ray, id, from, direction))
     }
 
     /// Where a ray meets a triangle, in lengths of the way; infinite where it passes by or through a hole.

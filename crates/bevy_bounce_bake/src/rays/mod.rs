@@ -4,6 +4,6 @@ mod bvh;
 mod layers;
 mod packet;
 
-pub use bvh::Bvh;
+pub use bvh::{Bvh, Hit};
 pub use layers::{FlatTriangle, Layers, PACKET, Plane};
 pub use packet::{Beam, CubeTile, OrthoTile, cast};

@@ -71,7 +71,7 @@ pub fn types(primitive: &gltf::Primitive) -> Result<(), String> {
         let (data, dimensions) = (accessor.data_type(), accessor.dimensions());
         let unsigned = matches!(data, DataType::F32 | DataType::U8 | DataType::U16);
         let right = match semantic {
-            Semantic::Positions => data == DataType::F32 && dimensions == Dimensions::Vec3,
+            Semantic::Positions | Semantic::Normals => data == DataType::F32 && dimensions == Dimensions::Vec3,
             Semantic::TexCoords(0 | 1) => unsigned && dimensions == Dimensions::Vec2,
             Semantic::Colors(0) => unsigned && matches!(dimensions, Dimensions::Vec3 | Dimensions::Vec4),
             _ => true,

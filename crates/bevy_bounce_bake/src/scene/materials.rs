@@ -15,7 +15,7 @@ use gltf::texture::WrappingMode;
 use super::Source;
 
 /// Longest side that is kept of a colour texture, in pixels. An atlas texel covers more than a pixel of what is left.
-const LONGEST_SIDE: u32 = 512;
+pub(super) const LONGEST_SIDE: u32 = 512;
 /// The same of a texture that says where a surface is: rays meet single pixels of it.
 const LONGEST_MASK: u32 = 4096;
 
@@ -85,7 +85,12 @@ impl Material {
 }
 
 impl Picture {
-    fn read(info: &gltf::texture::Info, longest: u32, source: &Source, buffers: &[Vec<u8>]) -> Result<Self, String> {
+    pub(super) fn read(
+        info: &gltf::texture::Info,
+        longest: u32,
+        source: &Source,
+        buffers: &[Vec<u8>],
+    ) -> Result<Self, String> {
         let texture = info.texture();
         let image = texture.source();
         let wrong = |problem: String| format!("image {}: {problem}", image.index());
@@ -117,7 +122,7 @@ impl Picture {
         })
     }
 
-    fn color(&self, uv: Vec2) -> Vec4 {
+    pub(super) fn color(&self, uv: Vec2) -> Vec4 {
         let uv = self.transform.transform_point2(uv);
         let [x, y] = [(uv.x, self.wrap[0], self.width), (uv.y, self.wrap[1], self.height)].map(|(t, wrap, size)| {
             let t = match wrap {
@@ -128,12 +133,11 @@ impl Picture {
             ((t * size as f32) as u32).min(size - 1)
         });
         let [r, g, b, a] = self.pixels[(y * self.width + x) as usize];
-        Vec3::from([r, g, b].map(linear)).extend(f32::from(a) / 255.0)
+        Vec3::from([r, g, b].map(|byte| linear(f32::from(byte) / 255.0))).extend(f32::from(a) / 255.0)
     }
 }
 
-/// The linear value of an sRGB byte.
-fn linear(byte: u8) -> f32 {
-    let value = f32::from(byte) / 255.0;
+/// The linear value of an sRGB one.
+pub(super) fn linear(value: f32) -> f32 {
     if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }

@@ -2,12 +2,17 @@
 
 mod check;
 mod cutout;
+mod emission;
+mod lights;
 mod materials;
 mod read;
 mod source;
 
 pub use cutout::Cutout;
+pub(crate) use emission::{Emission, emissions};
+pub(crate) use lights::{Light, lights};
 pub use materials::{Material, Picture};
+pub(crate) use read::buffers;
 pub use source::Source;
 
 use glam::{Vec2, Vec3, Vec4};
@@ -34,6 +39,8 @@ pub struct Part {
     pub source_triangles: Vec<u32>,
     /// Triangles in the source.
     pub source_count: u32,
+    /// Normals of the vertices, unit length.
+    pub normals: Option<Vec<Vec3>>,
     /// First UV set, for the colour texture.
     pub uv0: Option<Vec<Vec2>>,
     /// Second UV set, for the atlas.
@@ -80,7 +87,8 @@ impl Part {
     fn turned_over(&self) -> Self {
         let back = Self { name: format!("{}, back", self.name), back: true, ..self.clone() };
         let triangles = self.triangles.iter().map(|&corners| back.source_order(corners)).collect();
-        Self { triangles, ..back }
+        let normals = self.normals.as_ref().map(|normals| normals.iter().map(|normal| -normal).collect());
+        Self { triangles, normals, ..back }
     }
 
     /// A triangle's corners in the order of the source instead of the part's, or the other way round.
@@ -90,7 +98,12 @@ impl Part {
 
     /// The UV set that the material's colour texture takes.
     pub fn texture_coordinates(&self, material: &Material) -> Option<&Vec<Vec2>> {
-        match &material.picture {
+        self.coordinates_of(material.picture.as_ref())
+    }
+
+    /// The UV set that a texture takes.
+    pub(crate) fn coordinates_of(&self, picture: Option<&Picture>) -> Option<&Vec<Vec2>> {
+        match picture {
             Some(picture) if picture.uv_set == 1 => self.uv1.as_ref(),
             _ => self.uv0.as_ref(),
         }
@@ -120,6 +133,13 @@ impl Scene {
             return Err(BakeError::source(name, problem));
         }
         Ok(self)
+    }
+
+    /// Without the parts of nodes that move: those with a skin, morph targets or an animation, and what hangs on the latter.
+    pub fn still(self, source: &Source) -> Result<Self, BakeError> {
+        let moving = read::moving_nodes(source);
+        let parts = self.parts.into_iter().filter(|part| !moving.contains(&(part.numbers[0] as usize))).collect();
+        Self { parts, ..self }.checked(&source.name)
     }
 
     /// Three corners of each triangle, part by part.

@@ -2,7 +2,7 @@
 
 use std::collections::HashSet;
 
-use glam::{Mat4, Vec2, Vec3, Vec4};
+use glam::{Mat3, Mat4, Vec2, Vec3, Vec4};
 use gltf::mesh::Mode;
 
 use super::{Material, Part, Scene, Source, check};
@@ -47,7 +47,8 @@ impl Scene {
     }
 }
 
-fn buffers(source: &Source) -> Result<Vec<Vec<u8>>, String> {
+/// The bytes of all buffers.
+pub(crate) fn buffers(source: &Source) -> Result<Vec<Vec<u8>>, String> {
     let mut buffers = Vec::new();
     for buffer in source.gltf.buffers() {
         let place = format!("buffer {}", buffer.index());
@@ -69,7 +70,7 @@ fn buffers(source: &Source) -> Result<Vec<Vec<u8>>, String> {
 }
 
 /// The nodes of a scene with their transforms to its root, in depth-first order.
-fn placed_nodes<'a>(scene: &gltf::Scene<'a>) -> Result<Vec<(gltf::Node<'a>, Mat4)>, String> {
+pub(super) fn placed_nodes<'a>(scene: &gltf::Scene<'a>) -> Result<Vec<(gltf::Node<'a>, Mat4)>, String> {
     let mut open: Vec<_> = scene.nodes().map(|node| (node, Mat4::IDENTITY)).collect();
     open.reverse();
     let (mut seen, mut placed) = (HashSet::new(), Vec::new());
@@ -84,6 +85,23 @@ fn placed_nodes<'a>(scene: &gltf::Scene<'a>) -> Result<Vec<(gltf::Node<'a>, Mat4
         placed.push((node, transform));
     }
     Ok(placed)
+}
+
+/// Nodes that do not stay as they stand in the file.
+pub(super) fn moving_nodes(source: &Source) -> HashSet<usize> {
+    let channels = source.gltf.animations().flat_map(|animation| animation.channels().collect::<Vec<_>>());
+    let animated = channels.map(|channel| channel.target().node());
+    let mut open: Vec<gltf::Node> = animated.collect();
+    let mut moving = HashSet::new();
+    while let Some(node) = open.pop() {
+        if moving.insert(node.index()) {
+            open.extend(node.children());
+        }
+    }
+    let morphs = |mesh: gltf::Mesh| mesh.primitives().any(|primitive| primitive.morph_targets().len() > 0);
+    let bends = |node: &gltf::Node| node.skin().is_some() || node.mesh().is_some_and(morphs);
+    moving.extend(source.gltf.nodes().filter(bends).map(|node| node.index()));
+    moving
 }
 
 /// One primitive; nothing where it holds points or lines.
@@ -124,6 +142,14 @@ fn read_part(
     let colors: Option<Vec<Vec4>> =
         reader.read_colors(0).map(|colors| colors.into_rgba_f32().map(Vec4::from).collect());
     let colors = colors.filter(|colors| colors.len() == part.positions.len());
+    // By the transposed inverse, but for a factor: it is there for flattened meshes, too.
+    let [x, y, z] = [0, 1, 2].map(|axis| transform.col(axis).truncate());
+    let side = transform.determinant().signum();
+    let turn = Mat3::from_cols(y.cross(z), z.cross(x), x.cross(y)) * side;
+    let normals: Option<Vec<Vec3>> = reader
+        .read_normals()
+        .map(|normals| normals.map(|normal| (turn * Vec3::from(normal)).normalize_or_zero()).collect());
+    let normals = normals.filter(|normals| normals.len() == part.positions.len());
     let (uv0, uv1) = (uv(0), uv(1));
-    Ok(Some(Part { uv0, uv1, colors, ..part }))
+    Ok(Some(Part { normals, uv0, uv1, colors, ..part }))
 }

@@ -14,6 +14,8 @@ pub struct Source {
     /// Name for messages: the path as it was given.
     pub name: String,
     pub(crate) gltf: gltf::Gltf,
+    /// The JSON as it stands in the file.
+    pub(crate) json: Vec<u8>,
     hash: crc32fast::Hasher,
     length: u64,
     files: BTreeMap<String, Vec<u8>>,
@@ -51,7 +53,8 @@ impl Source {
         }
         let gltf =
             gltf::Gltf::from_slice(bytes).map_err(|error| BakeError::source(&name, super::check::describe(error)))?;
-        let mut source = Self { name, gltf, hash: crc32fast::Hasher::new(), length: 0, files: BTreeMap::new() };
+        let json = gltf::Glb::from_slice(bytes).map_or(bytes.to_vec(), |glb| glb.json.into_owned());
+        let mut source = Self { name, gltf, json, hash: crc32fast::Hasher::new(), length: 0, files: BTreeMap::new() };
         source.count(bytes);
         for uri in source.uris() {
             decode_uri(&uri).map_err(|problem| BakeError::source(&source.name, problem))?;

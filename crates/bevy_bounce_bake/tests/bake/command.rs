@@ -68,12 +68,28 @@ fn threads_do_not_matter() {
 }
 
 #[test]
+fn lightmap_writes_three_files_and_a_report() {
+    let folder = folder();
+    let bake = ["lightmap", "room.glb", "-o", "lit.glb", "--atlas", "32", "--rays", "16", "--probes", "2"];
+    let output = run(folder.path(), &[&bake[..], &["--report", "report.json"]].concat());
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert!(output.status.success() && said.contains("lit.glb: ") && said.contains("bounces"), "{output:?}");
+    let read = |name: &str| std::fs::read(folder.path().join(name)).expect("it was written");
+    let report: serde_json::Value = serde_json::from_slice(&read("report.json")).expect("it is JSON");
+    assert_eq!((&report["lights"], &report["rays"], &report["cut_off"]), (&1.into(), &16.into(), &0.into()));
+    let files = ["lit.glb", "lit.lightmap.ktx2", "lit.volume.ktx2"].map(read);
+    let output = run(folder.path(), &[&bake[..], &["--quiet", "--threads", "3"]].concat());
+    assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty(), "{output:?}");
+    assert!(files == ["lit.glb", "lit.lightmap.ktx2", "lit.volume.ktx2"].map(read));
+}
+
+#[test]
 fn bad_input_gets_a_line_and_a_status() {
     let folder = folder();
     let at = folder.path();
     std::fs::write(at.join("broken.glb"), b"glTF\x02\0\0\0\xff\0\0\0").expect("writable");
     std::fs::write(at.join("broken.cssm"), b"CSSM, surely").expect("writable");
-    let cases: [(&[&str], &str); 10] = [
+    let cases: [(&[&str], &str); 14] = [
         (&["bake", "absent.glb", "-o", "x.cssm"], "absent.glb"),
         (&["bake", "broken.glb", "-o", "x.cssm"], "truncated"),
         (&["bake", "room.glb", "-o", "x.cssm", "--depth", "12"], "multiple of 8"),
@@ -82,14 +98,18 @@ fn bad_input_gets_a_line_and_a_status() {
         (&["bake", "room.glb"], "--output"),
         (&["info", "broken.cssm"], "magic number"),
         (&["info", "absent.cssm"], "absent.cssm"),
-        (&["lightmap", "room.glb", "-o", "folder"], "not built yet"),
+        (&["lightmap", "absent.glb", "-o", "x.glb"], "absent.glb"),
+        (&["lightmap", "room.glb", "-o", "."], "is a folder"),
+        (&["lightmap", "room.glb", "-o", "x.gltf"], "name it .glb"),
+        (&["lightmap", "room.glb", "-o", "./room.glb"], "is the scene itself"),
+        (&["lightmap", "room.glb", "-o", "x.glb", "--rays", "1"], "rays 1"),
         (&["frobnicate"], "frobnicate"),
     ];
     for (args, wanted) in cases {
         let (status, said) = fails(at, args);
         assert!(status == 2 && said.contains(wanted), "{args:?}: {status} {said}");
     }
-    assert!(!at.join("x.cssm").exists());
+    assert!(!at.join("x.cssm").exists() && !at.join("x.glb").exists());
     let (status, said) =
         fails(at, &["bake", "room.glb", "-o", "no/such/folder/x.cssm", "--atlas", "8", "--depth", "8"]);
     assert!(status == 1 && said.contains("folder that exists"), "{status} {said}");
