@@ -367,6 +367,8 @@ pub struct OccluderChunk {
     pub first_occluder: u32,
     /// Triangles.
     pub triangle_count: u32,
+    /// How far they may be off the surface: the root of the share of [`AtlasParameters::error`], in thirds.
+    pub error: u32,
 }
 
 /// Texel of the shadow atlas where nothing is.

@@ -138,7 +138,7 @@ impl TestScene {
             let data = &self.instances[instance as usize];
             let triangle_count = (data.triangle_count - first_triangle).min(CHUNK_TRIANGLES);
             let first_index = data.index_offset + 3 * first_triangle;
-            chunks.push(OccluderChunk { instance, first_index, first_occluder, triangle_count });
+            chunks.push(OccluderChunk { instance, first_index, first_occluder, triangle_count, error: 0 });
             first_occluder += triangle_count;
         }
         (chunks, first_occluder)

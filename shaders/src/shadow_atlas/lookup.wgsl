@@ -5,7 +5,8 @@
 #define_import_path bevy_bounce::shadow_atlas::lookup
 
 #import bevy_bounce::shadow_atlas::tile::{
-    AtlasParameters, TILE_EMPTY, DEPTH_STEPS, tile_frame, to_tile, from_tile, tile_words, texel_depth, texel_normal,
+    AtlasParameters, TILE_EMPTY, DEPTH_STEPS, tile_frame, to_tile, from_tile, tile_words, texel_depth, texel_error,
+    texel_normal,
 }
 #import bevy_bounce::vpl::types::Vpl
 
@@ -29,7 +30,8 @@ fn atlas_visible(light: u32, vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -
     let word = atlas[light * tile_words(parameters) + texel.y * parameters.tile + texel.x];
     let direction = normalize(from_tile((vec2<f32>(texel) + 0.5) / edge));
     let off = to_surface - direction * texel_depth(word, parameters.far);
-    let bias = SLACK * length(off) + ROUNDING / DEPTH_STEPS * parameters.far + parameters.error;
+    let rounding = ROUNDING / DEPTH_STEPS * parameters.far;
+    let bias = SLACK * length(off) + rounding + texel_error(word, parameters.error);
     let is_behind = dot(texel_normal(word), off) < -bias;
     let is_before = dot(normal * frame, off) < -bias;
     return word == TILE_EMPTY || !(is_behind && is_before);

@@ -3,7 +3,7 @@
 // Cost: a thread a triangle, about 100 operations.
 
 #import bevy_bounce::shared::triangles::{load_corners, surface_albedo, is_masked_out}
-#import bevy_bounce::shadow_atlas::types::{Occluder, OccluderChunk, OCCLUDER_TWO_SIDED}
+#import bevy_bounce::shadow_atlas::types::{Occluder, OccluderChunk, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT}
 
 @group(0) @binding(4) var<storage, read> occluder_chunks: array<OccluderChunk>;
 @group(0) @binding(5) var<storage, read_write> occluders: array<Occluder>;
@@ -21,7 +21,7 @@ fn place_occluders(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
         occluder.a = t.a;
         occluder.b = select(t.c, t.b, is_seen);
         occluder.c = select(t.b, t.c, is_seen);
-        occluder.flags = select(0u, OCCLUDER_TWO_SIDED, t.two_sided);
+        occluder.flags = (chunk.error << OCCLUDER_ERROR_SHIFT) | select(0u, OCCLUDER_TWO_SIDED, t.two_sided);
     }
     occluders[chunk.first_occluder + lane] = occluder;
 }

@@ -12,7 +12,7 @@
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::Grid
 #import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words, pack_texel}
-#import bevy_bounce::shadow_atlas::types::{Occluder, OCCLUDER_TWO_SIDED}
+#import bevy_bounce::shadow_atlas::types::{Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT}
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, incoming_direction, incoming_reach, SETTLE_RANGE}
 
 @group(0) @binding(0) var<uniform> parameters: AtlasParameters;
@@ -39,6 +39,7 @@ struct Seen {
     edge_b: vec3<f32>,
     edge_c: vec3<f32>,
     plane: vec3<f32>,
+    error: u32,
     // First and last texel; none where the last is before the first.
     low: vec2<i32>,
     high: vec2<i32>,
@@ -129,6 +130,7 @@ fn project(occluder: Occluder, eye: vec3<f32>, frame: mat3x3<f32>) -> Seen {
     seen.edge_b = cross(b, c) * side;
     seen.edge_c = cross(c, a) * side;
     seen.plane = normal / volume;
+    seen.error = occluder.flags >> OCCLUDER_ERROR_SHIFT;
     texel_box(&seen, a, b, c);
     return seen;
 }
@@ -138,7 +140,7 @@ fn fill(seen: Seen, texel: vec2<i32>) {
     let direction = from_tile((vec2<f32>(texel) + 0.5) / f32(edge));
     if is_inside(seen, direction) {
         let depth = length(direction) / dot(seen.plane, direction);
-        let word = pack_texel(depth, -normalize(seen.plane), parameters.far);
+        let word = pack_texel(depth, seen.error, -normalize(seen.plane), parameters.far);
         atomicMin(&nearest[texel.y * edge + texel.x], word);
     }
 }

@@ -54,7 +54,7 @@ fn splat(point: WorldPoint, vpl: Vpl, frame: mat3x3<f32>) {
             let slope = dot(normal, direction);
             let on_plane = -cosine * distance / select(-1e-6, slope, abs(slope) > 1e-6) * length(direction);
             let depth = clamp(on_plane, 0.8 * distance, 1.25 * distance);
-            let word = pack_texel(depth, normal * sign(cosine), parameters.far);
+            let word = pack_texel(depth, 0u, normal * sign(cosine), parameters.far);
             atomicMin(&nearest[u32(y) * parameters.tile + u32(x)], word);
         }
     }

@@ -2,7 +2,7 @@
 //
 // The hemisphere is mapped to a square by the half octahedron (Engelhardt & Dachsbacher 2008; Cigolle et al. 2014): on each of
 // its four faces, planes through the light are straight lines. A word a texel, row by row: depth along the texel's direction,
-// unorm16 of the far distance, in the upper half; octahedral normal in the light's frame, 2 snorm8, in the lower.
+// 14 bits of the far distance; how far what casts may be off its surface, 2 bits; octahedral normal in the light's frame, 2 snorm8.
 
 #define_import_path bevy_bounce::shadow_atlas::tile
 
@@ -12,7 +12,10 @@
 /// Texel where nothing is.
 const TILE_EMPTY: u32 = 0xffffffffu;
 /// Steps of depth.
-const DEPTH_STEPS: f32 = 65535.0;
+const DEPTH_STEPS: f32 = 16383.0;
+
+/// Steps of the root of an error.
+const ERROR_STEPS: u32 = 3u;
 
 struct AtlasParameters {
     // Edge of a tile, texels.
@@ -50,15 +53,21 @@ fn tile_words(parameters: AtlasParameters) -> u32 {
     return parameters.tile * parameters.tile;
 }
 
-/// A surface at a depth in world units; of two, the lower word is the nearer.
-fn pack_texel(depth: f32, normal: vec3<f32>, far: f32) -> u32 {
+/// A surface at a depth in world units, with the [`OccluderChunk::error`] of what casts; of two, the lower word is the nearer.
+fn pack_texel(depth: f32, error: u32, normal: vec3<f32>, far: f32) -> u32 {
     let steps = u32(clamp(depth / far, 0.0, 1.0) * (DEPTH_STEPS - 1.0));
-    return (steps << 16u) | encode_unit_8(normal);
+    return (steps << 18u) | (error << 16u) | encode_unit_8(normal);
 }
 
 /// World units.
 fn texel_depth(texel: u32, far: f32) -> f32 {
-    return (f32(texel >> 16u) + 0.5) / (DEPTH_STEPS - 1.0) * far;
+    return (f32(texel >> 18u) + 0.5) / (DEPTH_STEPS - 1.0) * far;
+}
+
+/// World units.
+fn texel_error(texel: u32, largest: f32) -> f32 {
+    let share = f32((texel >> 16u) & 3u) / f32(ERROR_STEPS);
+    return share * share * largest;
 }
 
 fn texel_normal(texel: u32) -> vec3<f32> {

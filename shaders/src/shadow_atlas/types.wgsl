@@ -4,6 +4,8 @@
 
 /// Casts from both sides.
 const OCCLUDER_TWO_SIDED: u32 = 1u;
+/// Above it, the error of [`OccluderChunk`].
+const OCCLUDER_ERROR_SHIFT: u32 = 1u;
 
 // World space, counter-clockwise as seen from the side that casts; all corners the same where there is nothing.
 struct Occluder {
@@ -22,6 +24,8 @@ struct OccluderChunk {
     first_index: u32,
     first_occluder: u32,
     triangle_count: u32,
+    // How far the triangles may be off the surface: the root of the share of the largest error, in thirds.
+    error: u32,
 }
 
 /// Points are in the order of the surfaces; a light takes one of this many subsets, each spread over all of them.

@@ -5,7 +5,7 @@
 // (the largest of red, green and blue), so that all virtual lights carry about the same flux. Paths follow one sequence,
 // the same every frame.
 //
-// Cost: one thread a path; a ray through the grid a bounce.
+// Cost: one thread a path; a ray through the grid a bounce, and up to sixteen before for a path from a directional light.
 
 #import bevy_bounce::shared::grid::{Cell, brick_at}
 #import bevy_bounce::shared::octahedral::decode_unit
@@ -32,7 +32,15 @@
 const DIMENSION_LIGHT: u32 = 0u;
 const DIMENSION_POSITION: u32 = 1u;
 const DIMENSION_DIRECTION: u32 = 2u;
+const DIMENSION_PROMISE: u32 = 3u;
+const DIMENSION_CHOICE: u32 = 4u;
 const DIMENSION_BOUNCE: u32 = 8u;
+
+/// Places of which a path from a directional light starts at one.
+const CANDIDATES: u32 = 8u;
+/// What is hoped of one whose light goes on into the open, and of one whose light meets nothing.
+const OPEN_PROMISE: f32 = 0.1;
+const LOST_PROMISE: f32 = 0.02;
 
 // Voxels: a path starts on a plane of the grid, and in a corner another one is near.
 const PATH_GAP: f32 = 0.02;
@@ -120,14 +128,17 @@ fn start_at_light(index: u32, path: u32, total: f32) -> Photon {
     return photon;
 }
 
-// From the shadow of the scene's bounds on a plane before them: one of the three faces turned to the light, in proportion
-// to its projected area.
-fn start_directional(photon: ptr<function, Photon>, light: Light, path: u32, weight: f32) {
+// Projected areas of the faces of the scene's bounds that are turned to a light.
+fn lit_areas(light: Light) -> vec3<f32> {
     let size = scene.bounds_max - scene.bounds_min;
-    let areas = size.yzx * size.zxy * abs(light.direction);
-    let total = areas.x + areas.y + areas.z;
-    let square = sample_square(path, DIMENSION_POSITION);
-    var pick = square.x * total;
+    return size.yzx * size.zxy * abs(light.direction);
+}
+
+// A point on a plane before one of the three faces turned to the light, in proportion to their projected areas.
+fn start_on_bounds(light: Light, square: vec2<f32>) -> vec3<f32> {
+    let size = scene.bounds_max - scene.bounds_min;
+    let areas = lit_areas(light);
+    var pick = square.x * (areas.x + areas.y + areas.z);
     var axis = 2u;
     if pick < areas.x {
         axis = 0u;
@@ -141,9 +152,53 @@ fn start_directional(photon: ptr<function, Photon>, light: Light, path: u32, wei
     point[axis] = select(0.0, 1.0, light.direction[axis] < 0.0);
     point[(axis + 1u) % 3u] = clamp(pick / max(areas[axis], 1e-30), 0.0, 1.0);
     point[(axis + 2u) % 3u] = square.y;
-    (*photon).position = scene.bounds_min + point * size - light.direction * grid.voxel_size;
+    return scene.bounds_min + point * size - light.direction * grid.voxel_size;
+}
+
+// What is hoped of a path that starts there: most where its light is reflected onto something.
+fn promise(start: vec3<f32>, direction: vec3<f32>, candidate: u32) -> f32 {
+    var ray: Ray;
+    ray.origin = to_grid(start);
+    ray.direction = direction;
+    ray.length = 1e6;
+    ray.gap = PATH_GAP;
+    let lit = trace(ray);
+    if !lit.found {
+        return LOST_PROMISE;
+    }
+    ray.origin += direction * lit.t;
+    ray.start_normal = decode_unit(cells[lit.cell].normal);
+    ray.direction = cosine_direction(ray.start_normal, sample_square(candidate, DIMENSION_PROMISE));
+    return select(OPEN_PROMISE, 1.0, trace(ray).found);
+}
+
+// From the shadow of the scene's bounds, at one of a few places, which is chosen in proportion to what is hoped of it: most of a
+// sun's light falls onto roofs, and what is seen is below them. Each path has its own few, so that those whose
+// surroundings stay the same start where they did. Resampled importance sampling, Talbot et al. 2005.
+fn start_directional(photon: ptr<function, Photon>, light: Light, path: u32, weight: f32) {
+    let areas = lit_areas(light);
+    let pick = sample_square(path, DIMENSION_CHOICE).x;
+    var sum = 0.0;
+    var left = pick;
+    var chosen = 0.0;
+    for (var i = 0u; i < CANDIDATES; i++) {
+        let candidate = path * CANDIDATES + i;
+        let start = start_on_bounds(light, sample_square(candidate, DIMENSION_POSITION));
+        let own = promise(start, light.direction, candidate);
+        sum += own;
+        // One random number serves all choices: what of it is left over by one is even again.
+        let share = own / sum;
+        if left < share {
+            left /= share;
+            chosen = own;
+            (*photon).position = start;
+        } else {
+            left = (left - share) / (1.0 - share);
+        }
+    }
     (*photon).direction = light.direction;
-    (*photon).flux = light.color * (total * weight);
+    let mean = sum / f32(CANDIDATES);
+    (*photon).flux = light.color * ((areas.x + areas.y + areas.z) * weight * mean / chosen);
 }
 
 fn start_at_emitter(index: u32, path: u32, total: f32) -> Photon {

@@ -376,6 +376,42 @@ fn light_that_goes_into_the_open_takes_few_lights() {
     assert!((kept - 1.0).abs() < 0.02, "{kept} of the roof's light is left");
 }
 
+/// The sun on a flat roof, and on a room below it through a hole: paths go where their light does.
+#[test]
+fn a_suns_paths_start_where_light_goes_on() {
+    let mut scene = room(Vec3::splat(0.6));
+    let quad = |x: [f32; 2], z: [f32; 2]| {
+        let corner = |i: usize, j: usize| Vec3::new(x[i], 3.0, z[j]);
+        [[corner(0, 0), corner(0, 1), corner(1, 1)], [corner(0, 0), corner(1, 1), corner(1, 0)]]
+    };
+    // The room has no lid to what comes from above; the roof leaves out 1 m by 1 m.
+    let around = [
+        ([-4.0, -0.5], [-3.0, 3.0]),
+        ([0.5, 4.0], [-3.0, 3.0]),
+        ([-0.5, 0.5], [-3.0, -0.5]),
+        ([-0.5, 0.5], [0.5, 3.0]),
+    ];
+    scene.soup(&around.map(|(x, z)| quad(x, z)).concat());
+    let (low, high) = scene.bounds();
+    let size = high - low;
+    scene.lights.push(Light {
+        kind: LIGHT_DIRECTIONAL,
+        direction: Vec3::NEG_Y,
+        color: Vec3::ONE,
+        cumulative_power: size.x * size.z,
+        max_bounces: u32::MAX,
+        ..Default::default()
+    });
+    let traced = Traced::new(&scene, 0.1, 1);
+    let first = |high: bool| traced.all().filter(move |v| v.bounce() == 1 && (v.position.y > 2.8) == high);
+    let lumens = |high: bool| first(high).map(|v| v.flux.x).sum::<f32>() / PATHS as f32;
+    let (roof, floor) = (first(true).count() as f32, first(false).count() as f32);
+    println!("roof {} lumens, {roof} paths; floor {} lumens, {floor} paths", lumens(true), lumens(false));
+    assert!((lumens(true) / (0.6 * 47.0) - 1.0).abs() < 0.03, "the roof has {} lumens", lumens(true));
+    assert!((lumens(false) / 0.6 - 1.0).abs() < 0.1, "the floor has {} lumens", lumens(false));
+    assert!(floor / (floor + roof) > 4.0 / 48.0, "{floor} paths for the floor, {roof} for the roof");
+}
+
 #[test]
 fn bricks_know_their_lights_and_surfaces() {
     let mut scene = room(Vec3::splat(0.7));

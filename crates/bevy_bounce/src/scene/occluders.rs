@@ -107,14 +107,20 @@ fn chunks(casters: &[Caster], budget: u32) -> (Vec<OccluderChunk>, f32) {
     let choice = choose(&candidates, budget);
     for (caster, level) in casters.iter().zip(choice.levels) {
         let Some(lod) = level.map(|level| caster.candidate.lods[level]) else { continue };
+        let error = error_steps(lod.error * caster.candidate.scale / choice.error);
         for first in (0..lod.triangle_count).step_by(CHUNK_TRIANGLES as usize) {
             let triangle_count = (lod.triangle_count - first).min(CHUNK_TRIANGLES);
             let first_index = lod.index_offset + first * 3;
-            chunks.push(OccluderChunk { instance: caster.slot, first_index, first_occluder, triangle_count });
+            chunks.push(OccluderChunk { instance: caster.slot, first_index, first_occluder, triangle_count, error });
             first_occluder += triangle_count;
         }
     }
     (chunks, choice.error)
+}
+
+/// Thirds of the root of a share, rounded up.
+fn error_steps(share: f32) -> u32 {
+    if share > 0.0 { (3.0 * share.sqrt()).ceil().min(3.0) as u32 } else { 0 }
 }
 
 /// `count` points at equal steps of area, surface by surface.
@@ -175,6 +181,12 @@ mod tests {
         assert_eq!(spread(&casters, 1600).count(), 1600);
         assert_eq!(spread(&[], 16).count(), 0);
         assert_eq!(spread(&casters[1..2], 16).count(), 0);
+    }
+
+    #[test]
+    fn errors_are_never_understated() {
+        let steps = [0.0, 0.01, 1.0 / 9.0, 0.2, 0.45, 1.0, 2.0, f32::NAN].map(error_steps);
+        assert_eq!(steps, [0, 1, 1, 2, 3, 3, 3, 0]);
     }
 
     #[test]

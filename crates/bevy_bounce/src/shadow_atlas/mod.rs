@@ -16,8 +16,8 @@
 //! # Cost
 //!
 //! Work grows with lights times triangles, which is bounded: large meshes cast by a coarser version, made when the mesh is
-//! loaded, and what lies within its error of a map's surface is on that surface. Where it would be more than a voxel off, no maps
-//! are drawn, and lights see by rays through the grid.
+//! loaded, and what lies within its error of a map's surface is on that surface: each texel knows that of the mesh it shows.
+//! Where it would be more than a voxel off, no maps are drawn, and lights see by rays through the grid.
 //!
 //! # Where it differs from the paper
 //!
