@@ -9,8 +9,8 @@ use crate::{CssmSettings, GiIsolate, RadianceCacheSettings, SsbcSettings};
 
 /// Lights what this camera sees with bounced light, computed afresh every frame.
 ///
-/// Brings along what it needs (HDR, deferred prepass, no MSAA, no ambient light) and hands back what it found when it is
-/// removed.
+/// Brings along what it needs: HDR and black ambient light, and hands back what it found when it is removed. Every `Camera3d`
+/// of the app is deferred, without MSAA, and stays so.
 #[derive(Component, ExtractComponent, Reflect, Clone, Debug, Default, PartialEq)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[require(GiIsolate)]

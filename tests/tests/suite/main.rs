@@ -5,6 +5,7 @@ mod beside;
 mod compose;
 mod cssm;
 mod deform;
+mod guides;
 mod harness;
 mod lightmap;
 mod metrics;
