@@ -38,7 +38,7 @@ pub struct Options {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=65_536))]
     pub vpls: Option<u32>,
     /// Longest light path, in bounces, over the quality's
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=31))]
     pub bounces: Option<u32>,
     /// Edge of the voxel grid, in voxels, over the quality's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=256))]

@@ -113,7 +113,7 @@ impl Resolution {
 }
 
 /// Virtual lights times triangles that are drawn into their shadow maps, at most.
-const OCCLUSION_BUDGET: u32 = 1 << 25;
+const OCCLUSION_BUDGET: u32 = 1 << 24;
 
 /// Largest edge of a grid whose voxels are lit, voxels: their light takes 115 MiB.
 const MAX_LIT_GRID: u32 = 128;
