@@ -2,8 +2,8 @@
 // Keller 1997, Bashford-Rogers et al. 2012, III-B.
 //
 // A path starts at a light chosen in proportion to its power, and is reflected with the probability of the surface's albedo
-// (the largest of red, green and blue), so that all virtual lights carry about the same flux. Paths follow one sequence,
-// the same every frame.
+// (the largest of red, green and blue), so that all virtual lights carry about the same flux, but for those of directional
+// lights: see `start_directional`. Paths follow one sequence, the same every frame.
 //
 // Cost: one thread a path; a ray through the grid a bounce, and up to sixteen before for a path from a directional light.
 

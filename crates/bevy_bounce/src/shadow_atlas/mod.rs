@@ -4,7 +4,7 @@
 //!
 //! | buffer | bytes at 1024 lights, tiles of 32 x 32 | holds |
 //! |---|---|---|
-//! | `atlas` | 4 MiB | light by light: depth (unorm16 of the scene's diagonal) and normal over its hemisphere |
+//! | `atlas` | 4 MiB | light by light: depth (14 bits of the scene's diagonal), how far what casts may be off its surface (2 bits), and normal over its hemisphere |
 //! | `occluders` | 48 B a triangle, 768 KiB at most | triangles that cast, in the world |
 //!
 //! A tile maps the hemisphere to a square by the half octahedron, without waste. Each texel is tested against the planes through

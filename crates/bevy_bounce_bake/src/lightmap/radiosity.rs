@@ -26,7 +26,7 @@ const LINKS: usize = 64;
 const CHUNK: usize = 256;
 /// Bounces end where one adds less than this share of all light.
 const CONVERGED: f64 = 1.0e-4;
-/// More of them never come: with a reflectance of 0.99 everywhere, 1 % of the light would be left out.
+/// More of them never come: with a reflectance of 0.99 everywhere, 2 % of the light would be left out.
 const MOST_BOUNCES: u32 = 400;
 /// A place is within a solid where more than this share of its rays meets backs.
 const MOST_BACKS: f32 = 0.5;

@@ -51,6 +51,8 @@ pub struct Part {
     pub material: usize,
     /// The backs of the part before. Stops no light that the fronts do not.
     pub back: bool,
+    /// Placed by a transform that mirrors: corners are in the other order than the source's.
+    pub mirrored: bool,
 }
 
 /// The object to bake: everything its scene shows that is rigid.
@@ -135,10 +137,12 @@ impl Scene {
         Ok(self)
     }
 
-    /// Without the parts of nodes that move: those with a skin, morph targets or an animation, and what hangs on the latter.
+    /// Without the parts of nodes that move: those with a skin, morph targets or an animation, and what hangs on the latter; and
+    /// without those that have no triangle of any area.
     pub fn still(self, source: &Source) -> Result<Self, BakeError> {
         let moving = read::moving_nodes(source);
-        let parts = self.parts.into_iter().filter(|part| !moving.contains(&(part.numbers[0] as usize))).collect();
+        let stays = |part: &Part| !part.triangles.is_empty() && !moving.contains(&(part.numbers[0] as usize));
+        let parts = self.parts.into_iter().filter(stays).collect();
         Self { parts, ..self }.checked(&source.name)
     }
 

@@ -131,7 +131,8 @@ fn read_part(
         Mode::TriangleFan => indices.windows(2).skip(1).map(|pair| [indices[0], pair[0], pair[1]]).collect(),
         _ => return Ok(None),
     };
-    if transform.determinant() < 0.0 {
+    let mirrored = transform.determinant() < 0.0;
+    if mirrored {
         triangles.iter_mut().for_each(|corners| corners.swap(1, 2));
     }
     let part = Part::new(name, positions, triangles)?;
@@ -151,5 +152,5 @@ fn read_part(
         .map(|normals| normals.map(|normal| (turn * Vec3::from(normal)).normalize_or_zero()).collect());
     let normals = normals.filter(|normals| normals.len() == part.positions.len());
     let (uv0, uv1) = (uv(0), uv(1));
-    Ok(Some(Part { normals, uv0, uv1, colors, ..part }))
+    Ok(Some(Part { normals, uv0, uv1, colors, mirrored, ..part }))
 }

@@ -32,14 +32,18 @@ impl Lit {
             for (corners, uv) in part.triangles.iter().zip(&atlas.charted.corners[first..]) {
                 // What has no room in the atlas is too thin to be seen.
                 let uv = uv.unwrap_or_default().map(|uv: Vec2| (uv / atlas.size.as_vec2()).to_array());
-                for (&vertex, uv) in corners.iter().zip(uv) {
-                    let index = known.entry((vertex, part.back, uv.map(f32::to_bits))).or_insert_with(|| {
+                let mut indices = [0; 3];
+                for (index, (&vertex, uv)) in indices.iter_mut().zip(corners.iter().zip(uv)) {
+                    *index = *known.entry((vertex, part.back, uv.map(f32::to_bits))).or_insert_with(|| {
                         lit.vertices.push((vertex, part.back));
                         lit.uv.push(uv);
                         lit.uv.len() as u32 - 1
                     });
-                    lit.indices.push(*index);
                 }
+                if part.mirrored {
+                    indices.swap(1, 2);
+                }
+                lit.indices.extend(indices);
             }
         }
         lit
