@@ -180,7 +180,7 @@ pub struct LightmapReport {
     pub atlas: [u32; 2],
     /// Texels that show some surface.
     pub texels: usize,
-    /// Those of them that took their neighbours' light: no light reaches them, or they lie within solids.
+    /// Those of them without light of their own: none reaches them, or they lie within solids. Near others they take theirs.
     pub filled: usize,
     /// Pieces that the surface was cut into.
     pub charts: u32,
@@ -194,7 +194,7 @@ pub struct LightmapReport {
     pub probes: [u32; 3],
     /// Texels brighter than [`BRIGHTEST`].
     pub cut_off: usize,
-    /// From the file's bytes to the new ones.
+    /// Of the whole bake but for reading the file and putting the new ones together.
     pub seconds: f64,
 }
 

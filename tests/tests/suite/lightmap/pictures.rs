@@ -61,7 +61,7 @@ fn other_generated_scenes_equal_their_references() {
 
 /// A cathedral of 75,276 triangles. The reference's textures stand upside down, so these are turned over, too.
 #[test]
-#[ignore = "takes minutes"]
+#[ignore = "takes minutes: a lightmap of half a million texels on the processor"]
 fn a_real_scene_equals_its_reference() {
     let Some((scene, reference)) = shared("sibenik") else { return };
     let (mut json, rest) = split(&scene);
