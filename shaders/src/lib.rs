@@ -49,6 +49,8 @@ shaders! {
     "vpl/trace.wgsl" => ["trace_paths"],
     "vpl/order.wgsl" => ["scan_paths", "write_pairs"],
     "vpl/list.wgsl" => ["scan_weights", "build_list"],
+    "vpl/places.wgsl" => ["file_lights", "set_lights"],
+    "vpl/settle.wgsl" => ["meet_triangles"],
     "vpl/density.wgsl" => ["measure_density"],
     "vpl/bound.wgsl" => [],
     "shadow_atlas/types.wgsl" => [],

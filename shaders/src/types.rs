@@ -255,8 +255,10 @@ impl Vpl {
 /// Most workgroups of a dispatch along an axis, WebGPU's default limit; a longer row is folded into the second axis.
 pub const MAX_WORKGROUPS: u32 = 65535;
 
-/// Words known of a brick of the grid: vertices of paths; lights times 2^15.
-pub const BRICK_WORDS: u32 = 2;
+/// Words known of a brick of the grid: vertices of paths; lights times 2^15; the first light filed under it, counted from 1.
+pub const BRICK_WORDS: u32 = 3;
+/// Words a virtual light has for what its path met: distance and normal; the next light of its brick, counted from 1.
+pub const MEETING_WORDS: u32 = 2;
 
 /// A path that was traced.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]

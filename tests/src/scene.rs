@@ -2,7 +2,8 @@
 
 use bevy::math::{Affine3A, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
-    CHUNK_TRIANGLES, Cell, Chunk, Emitter, Grid, Instance, Light, Material, NONE, OccluderChunk, Scene, VERTEX_WORDS,
+    BRICK_WORDS, CHUNK_TRIANGLES, Cell, Chunk, Emitter, Grid, Instance, Light, MEETING_WORDS, Material, NONE,
+    OccluderChunk, Scene, VERTEX_WORDS,
 };
 use half::f16;
 
@@ -262,6 +263,19 @@ pub fn measure_distances(gpu: &Gpu, grid: &Grid, resources: &Resources) {
     for pass in ["find_occupied", "pass_x", "pass_y", "pass_z"] {
         run(gpu, "avg/distance.wgsl", pass, resources, [leap_count(grid).div_ceil(64) as u32, 1, 1]);
     }
+}
+
+/// Sets virtual lights on what their paths met: `count` of the list `vpls`, whose `header` says so.
+pub fn settle(gpu: &Gpu, scene: &TestScene, grid: &Grid, resources: Resources, count: u32) -> Resources {
+    let bricks = grid.dims.map(|voxels| voxels.div_ceil(8)).element_product();
+    let resources = resources
+        .zeroed("bricks", (bricks * BRICK_WORDS) as usize)
+        .zeroed("meetings", (count * MEETING_WORDS) as usize);
+    let chunks = scene.chunks(|_| true).len() as u32;
+    run(gpu, "vpl/places.wgsl", "file_lights", &resources, [count.div_ceil(64), 1, 1]);
+    run(gpu, "vpl/settle.wgsl", "meet_triangles", &resources, [chunks, 1, 1]);
+    run(gpu, "vpl/places.wgsl", "set_lights", &resources, [count.div_ceil(64), 1, 1]);
+    resources
 }
 
 /// Words of a vertex, for tests that reach into the geometry.

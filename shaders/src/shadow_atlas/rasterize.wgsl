@@ -5,21 +5,19 @@
 // as on any projection, with nothing to clip. A thread projects a triangle and fills it if it is small; large ones are
 // filled by all threads together.
 //
-// Before, the light is set on the surface that its path met: that of the grid is the mean of a voxel.
-//
 // Cost: a light and triangle about 200 operations, a texel in the triangle's box about 20.
 
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::Grid
-#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words, pack_texel}
+#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words, pack_texel, error_of}
 #import bevy_bounce::shadow_atlas::types::{Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT}
-#import bevy_bounce::vpl::types::{Vpl, VplHeader, incoming_direction, incoming_reach, SETTLE_RANGE}
+#import bevy_bounce::vpl::types::{Vpl, VplHeader}
 
 @group(0) @binding(0) var<uniform> parameters: AtlasParameters;
 @group(0) @binding(1) var<uniform> grid: Grid;
 @group(0) @binding(2) var<storage, read> header: VplHeader;
 @group(0) @binding(3) var<storage, read> occluders: array<Occluder>;
-@group(0) @binding(4) var<storage, read_write> vpls: array<Vpl>;
+@group(0) @binding(4) var<storage, read> vpls: array<Vpl>;
 @group(0) @binding(5) var<storage, read_write> atlas: array<u32>;
 
 const GROUP: u32 = 64u;
@@ -29,7 +27,7 @@ const MAX_TILE_TEXELS: u32 = 2304u;
 const INLINE_TEXELS: u32 = 8u;
 /// Cosine to the light's normal of a surface that it may be on.
 const SAME_FACING: f32 = 0.5;
-/// Voxels between the light and the plane of its own surface.
+/// Voxels between the light and the plane of its own surface, where that is not coarser than the surface itself.
 const OWN_PLANE: f32 = 0.02;
 
 // A triangle as a light sees it; a direction d is inside where all edges have dot(edge, d) >= 0, and meets the triangle at
@@ -48,8 +46,6 @@ struct Seen {
 var<workgroup> nearest: array<atomic<u32>, MAX_TILE_TEXELS>;
 var<workgroup> large: array<Seen, GROUP>;
 var<workgroup> large_count: atomic<u32>;
-var<workgroup> met_nearness: atomic<u32>;
-var<workgroup> met_occluder: atomic<u32>;
 
 struct Box {
     low: vec2<f32>,
@@ -120,7 +116,9 @@ fn project(occluder: Occluder, eye: vec3<f32>, frame: mat3x3<f32>) -> Seen {
     let area = length(normal);
     // Six times the volume with the light; negative where it is on the side that casts.
     let volume = dot(a, normal);
-    let is_own = abs(volume) <= OWN_PLANE * grid.voxel_size * area && abs(normal.z) > SAME_FACING * area;
+    let error = occluder.flags >> OCCLUDER_ERROR_SHIFT;
+    let own_plane = max(OWN_PLANE * grid.voxel_size, error_of(error, parameters.error));
+    let is_own = abs(volume) <= own_plane * area && abs(normal.z) > SAME_FACING * area;
     if volume == 0.0 || is_own || (volume > 0.0 && (occluder.flags & OCCLUDER_TWO_SIDED) == 0u) {
         return nothing_seen();
     }
@@ -130,7 +128,7 @@ fn project(occluder: Occluder, eye: vec3<f32>, frame: mat3x3<f32>) -> Seen {
     seen.edge_b = cross(b, c) * side;
     seen.edge_c = cross(c, a) * side;
     seen.plane = normal / volume;
-    seen.error = occluder.flags >> OCCLUDER_ERROR_SHIFT;
+    seen.error = error;
     texel_box(&seen, a, b, c);
     return seen;
 }
@@ -145,69 +143,13 @@ fn fill(seen: Seen, texel: vec2<i32>) {
     }
 }
 
-// A stretch of the path that made a light.
-struct Way {
-    start: vec3<f32>,
-    direction: vec3<f32>,
-    length: f32,
-}
-
-// Distance along the way at which it meets an occluder; negative where it does not. Moeller & Trumbore 1997.
-fn meet(way: Way, occluder: Occluder) -> f32 {
-    let ab = occluder.b - occluder.a;
-    let ac = occluder.c - occluder.a;
-    let p = cross(way.direction, ac);
-    let determinant = dot(ab, p);
-    if determinant == 0.0 || (determinant < 0.0 && (occluder.flags & OCCLUDER_TWO_SIDED) == 0u) {
-        return -1.0;
-    }
-    let from_a = way.start - occluder.a;
-    let q = cross(from_a, ab);
-    let place = vec3<f32>(dot(from_a, p), dot(way.direction, q), dot(ac, q)) / determinant;
-    let inside = place.x >= 0.0 && place.y >= 0.0 && place.x + place.y <= 1.0 && place.z <= way.length;
-    return select(-1.0, place.z, inside);
-}
-
-// Sets the light on the first surface that its path meets: the grid knows of it only the mean of a voxel.
-fn settle(vpl: Vpl, lane: u32) -> Vpl {
-    let direction = incoming_direction(vpl.incoming);
-    let before = incoming_reach(vpl.incoming) * grid.voxel_size;
-    let way = Way(vpl.position - direction * before, direction, before + SETTLE_RANGE * grid.voxel_size);
-    var distance = 1e30;
-    var index = 0u;
-    for (var i = lane; i < parameters.occluder_count; i += GROUP) {
-        let t = meet(way, occluders[i]);
-        if t >= 0.0 && t < distance {
-            distance = t;
-            index = i;
-        }
-    }
-    // Complements, for these start at 0: of the positive distance, and of the lowest index at that distance.
-    let nearness = select(0u, ~bitcast<u32>(distance), distance < 1e30);
-    atomicMax(&met_nearness, nearness);
-    workgroupBarrier();
-    let nearest_met = atomicLoad(&met_nearness);
-    if nearness != 0u && nearness == nearest_met {
-        atomicMax(&met_occluder, ~index);
-    }
-    workgroupBarrier();
-    var settled = vpl;
-    if nearest_met != 0u {
-        let occluder = occluders[~atomicLoad(&met_occluder)];
-        let normal = normalize(cross(occluder.b - occluder.a, occluder.c - occluder.a));
-        settled.normal = normal * -sign(dot(normal, direction));
-        settled.position = way.start + direction * bitcast<f32>(~nearest_met);
-    }
-    return settled;
-}
-
 @compute @workgroup_size(64)
 fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let light = folded_index(group);
     if light >= header.count {
         return;
     }
-    let vpl = settle(vpls[light], lane);
+    let vpl = vpls[light];
     let texels = parameters.tile * parameters.tile;
     for (var i = lane; i < texels; i += GROUP) {
         atomicStore(&nearest[i], TILE_EMPTY);
@@ -248,8 +190,5 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
 
     for (var i = lane; i < texels; i += GROUP) {
         atlas[light * tile_words(parameters) + i] = atomicLoad(&nearest[i]);
-    }
-    if lane == 0u {
-        vpls[light] = vpl;
     }
 }

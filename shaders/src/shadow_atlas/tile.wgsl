@@ -64,10 +64,15 @@ fn texel_depth(texel: u32, far: f32) -> f32 {
     return (f32(texel >> 18u) + 0.5) / (DEPTH_STEPS - 1.0) * far;
 }
 
+/// How far what casts may be off its surface, world units, by its [`OccluderChunk::error`].
+fn error_of(steps: u32, largest: f32) -> f32 {
+    let share = f32(steps) / f32(ERROR_STEPS);
+    return share * share * largest;
+}
+
 /// World units.
 fn texel_error(texel: u32, largest: f32) -> f32 {
-    let share = f32((texel >> 16u) & 3u) / f32(ERROR_STEPS);
-    return share * share * largest;
+    return error_of((texel >> 16u) & 3u, largest);
 }
 
 fn texel_normal(texel: u32) -> vec3<f32> {

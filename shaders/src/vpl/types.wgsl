@@ -34,10 +34,33 @@ fn incoming_reach(word: u32) -> f32 {
 /// Bit of [`Vpl::bounce_met`].
 const MET: u32 = 0x80000000u;
 
-/// What is known of a brick, in words: vertices; lights, in fixed point.
-const BRICK_WORDS: u32 = 2u;
+/// What is known of a brick, in words: vertices; lights, in fixed point; the first of the lights that are filed under it, counted
+/// from 1.
+const BRICK_WORDS: u32 = 3u;
 const BRICK_VERTICES: u32 = 0u;
 const BRICK_LIGHTS: u32 = 1u;
+const BRICK_FIRST: u32 = 2u;
+
+/// Words a light has for what its path met.
+const MEETING_WORDS: u32 = 2u;
+const MEETING_NONE: u32 = 0xffffffffu;
+/// Steps of the distance at which it did.
+const MEETING_STEPS: f32 = 65534.0;
+
+/// A surface at a distance in voxels along the stretch of a path; of two, the lower word is the nearer.
+fn pack_meeting(distance: f32, normal: vec3<f32>) -> u32 {
+    let steps = u32(clamp(distance / (2.0 * SETTLE_RANGE), 0.0, 1.0) * MEETING_STEPS + 0.5);
+    return (steps << 16u) | encode_unit_8(normal);
+}
+
+/// Voxels.
+fn meeting_distance(word: u32) -> f32 {
+    return f32(word >> 16u) / MEETING_STEPS * 2.0 * SETTLE_RANGE;
+}
+
+fn meeting_normal(word: u32) -> vec3<f32> {
+    return decode_unit_8(word);
+}
 
 /// Fixed point: one light. 65,536 lights fit into a word.
 const LIGHT_SHIFT: u32 = 15u;

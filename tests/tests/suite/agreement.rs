@@ -8,7 +8,7 @@ use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::glb::{self, GlbScene};
 use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::references::shared_file;
-use bevy_bounce_tests::scene::{TestScene, run, voxelize};
+use bevy_bounce_tests::scene::{TestScene, run, settle, voxelize};
 use bevy_bounce_tests::twins::random::Random;
 
 use crate::sort::radix_sort;
@@ -66,8 +66,9 @@ fn light_up(scene: &TestScene, grid: &Grid) -> Resources {
     resources
 }
 
-/// Draws the maps, from all triangles. Sets the lights on their surfaces.
-fn draw(scene: &TestScene, resources: Resources) -> Resources {
+/// Sets the lights on their surfaces and draws their maps, from all triangles.
+fn draw(scene: &TestScene, grid: &Grid, resources: Resources) -> Resources {
+    let resources = settle(gpu(), scene, grid, resources, LIGHTS);
     let (chunks, occluder_count) = scene.occluder_chunks();
     let (low, high) = scene.bounds();
     let parameters =
@@ -217,7 +218,7 @@ struct Agreement {
 fn atlas_agreement(name: &str) -> Option<Agreement> {
     let glb = glb::read(&shared_file(&format!("scenes/{name}.glb"))?).expect("a scene");
     let grid = grid(&glb.scene);
-    let resources = draw(&glb.scene, light_up(&glb.scene, &grid));
+    let resources = draw(&glb.scene, &grid, light_up(&glb.scene, &grid));
     let header: VplHeader = resources.read_structs("header").expect("reads back")[0];
     let mut vpls: Vec<Vpl> = resources.read_structs("vpls").expect("reads back");
     vpls.truncate(header.count as usize);
@@ -282,7 +283,7 @@ fn lights_settle_on_what_their_path_met() {
     };
     let resources = light_up(&glb.scene, &grid);
     let before = buried(&resources);
-    let after = buried(&draw(&glb.scene, resources));
+    let after = buried(&settle(gpu(), &glb.scene, &grid, resources, LIGHTS));
     println!("near surfaces in {before:.3} of the directions before, in {after:.3} after");
     assert!(before > 0.25 && after < 0.17, "{before} before, {after} after");
 }

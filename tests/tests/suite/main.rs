@@ -16,6 +16,7 @@ mod pictures;
 mod pipelines;
 mod radiance_cache;
 mod sampling;
+mod settle;
 mod shaders;
 mod shadow_atlas;
 mod soak;

@@ -1,10 +1,10 @@
 //! What virtual lights see, against exact rays.
 
 use bevy::math::{Affine3A, EulerRot, Quat, Vec2, Vec3};
-use bevy_bounce_shaders::types::{AtlasParameters, Grid, Occluder, TILE_EMPTY, Vpl, VplHeader};
+use bevy_bounce_shaders::types::{AtlasParameters, Occluder, TILE_EMPTY, Vpl, VplHeader};
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
-use bevy_bounce_tests::scene::{TestScene, cuboid, run};
+use bevy_bounce_tests::scene::{TestScene, cuboid, run, settle};
 use bevy_bounce_tests::twins::random::Random;
 
 const TILE: u32 = 32;
@@ -65,27 +65,30 @@ fn draw_coarse(
         .map(|&(position, normal)| Vpl {
             position: position + normal * (random.unit() - 0.5) * 0.5 * VOXEL,
             normal,
+            bounce_met: 1,
             incoming: pack_incoming(-normal, 1.5),
             ..Vpl::default()
         })
         .collect();
     let header = VplHeader { count: vpls.len() as u32, ..VplHeader::default() };
+    let grid = scene.grid(VOXEL);
     let resources = scene
         .resources(gpu())
         .uniform("parameters", &parameters)
-        .uniform("grid", &Grid { voxel_size: VOXEL, ..scene.grid(VOXEL) })
+        .uniform("grid", &grid)
         .structs("occluder_chunks", &chunks)
         .structs("occluders", &vec![Occluder::default(); occluder_count as usize])
         .structs("header", &[header])
         .structs("vpls", &vpls)
         .zeroed("atlas", vpls.len() * (TILE * TILE) as usize);
+    let resources = settle(gpu(), scene, &grid, resources, header.count);
     run(gpu(), "shadow_atlas/occluders.wgsl", "place_occluders", &resources, [chunks.len() as u32, 1, 1]);
     run(gpu(), "shadow_atlas/rasterize.wgsl", "rasterize", &resources, [vpls.len() as u32, 1, 1]);
     resources
 }
 
 /// Twin of `pack_incoming` in `vpl/types.wgsl`.
-fn pack_incoming(direction: Vec3, reach: f32) -> u32 {
+pub fn pack_incoming(direction: Vec3, reach: f32) -> u32 {
     let sum = direction.abs().element_sum();
     let p = direction.truncate() / sum;
     let folded = (1.0 - Vec2::new(p.y, p.x).abs()) * Vec2::new(1f32.copysign(p.x), 1f32.copysign(p.y));

@@ -40,12 +40,11 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     // Geometry, instances, materials, thumbnails, chunks or points; occluders.
     let place = [read, read, read, read, read, write];
     // Parameters, grid; header, occluders; lights, atlas.
-    let rasterize = [uniform, uniform, read, read, write, write];
-    let splat = [uniform, uniform, read, read, read, write];
+    let draw = [uniform, uniform, read, read, read, write];
     commands.insert_resource(AtlasPipelines {
         place_occluders: kernel("shadow_atlas/occluders.wgsl", "place_occluders", &place),
-        rasterize: kernel("shadow_atlas/rasterize.wgsl", "rasterize", &rasterize),
+        rasterize: kernel("shadow_atlas/rasterize.wgsl", "rasterize", &draw),
         place_points: kernel("shadow_atlas/points.wgsl", "place_points", &place),
-        splat_points: kernel("shadow_atlas/splat.wgsl", "splat_points", &splat),
+        splat_points: kernel("shadow_atlas/splat.wgsl", "splat_points", &draw),
     });
 }

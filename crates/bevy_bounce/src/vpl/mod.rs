@@ -9,9 +9,10 @@
 //! | `paths` | 96 KiB | vertices of each path, and how many come before |
 //! | `order` | 1.7 MiB | key and slot of each vertex, twice for the sort |
 //! | `starts` | 416 KiB | where in the list each vertex of the order begins |
-//! | `bricks` | 4 KiB | vertices and lights in each brick of the grid |
+//! | `bricks` | 6 KiB | vertices and lights in each brick of the grid, and the first of the lights filed under it |
 //! | `densities` | 4 KiB | lights and area of the surfaces in each brick |
 //! | `vpls` | 48 KiB | the list: position, normal, flux |
+//! | `meetings` | 8 KiB | which surface the path of each light met |
 //! | `header` | 80 B | where each of the sixteen subsets begins, paths, mean bound of the geometry term |
 //! | `emitters` | 80 B a triangle | emissive triangles and the running sum of their power |
 //!
@@ -23,7 +24,7 @@
 //! polar angle of a reflected path as sqrt(cos x); it is acos(sqrt(1 - x)). Paths end by roulette on the albedo, so that
 //! all vertices carry about the same flux, and at a greatest length. Eight times as many paths are traced as there are lights in
 //! the list; their vertices are sorted by facing and along a Hilbert curve and cut into runs, one light each: see
-//! `vpl/list.wgsl`.
+//! `vpl/list.wgsl`. Lights are then set on the triangles that their paths met: see `vpl/settle.wgsl`.
 
 mod counters;
 mod passes;

@@ -60,7 +60,7 @@ pub(super) fn trace_vpls(
         &cache,
         &[
             parameters.clone(),
-            scene_uniform,
+            scene_uniform.clone(),
             whole(&scene.lights),
             whole(&vpl.emitters),
             whole(vpl.vertices(&grid)),
@@ -85,7 +85,7 @@ pub(super) fn trace_vpls(
         &cache,
         &[
             parameters.clone(),
-            grid_uniform,
+            grid_uniform.clone(),
             whole(vpl.vertices(&grid)),
             whole(&vpl.vertex_count),
             whole(vpl.order.sorted(VERTEX_KEY_BITS)),
@@ -94,6 +94,27 @@ pub(super) fn trace_vpls(
             whole(&vpl.starts),
             whole(&vpl.header),
             whole(&vpl.vpls),
+        ],
+    );
+    let places = p.file_lights.bind(
+        &device,
+        &cache,
+        &[grid_uniform.clone(), whole(&vpl.header), whole(&vpl.vpls), whole(&vpl.bricks), whole(&vpl.meetings)],
+    );
+    let settle = p.meet_triangles.bind(
+        &device,
+        &cache,
+        &[
+            whole(&scene.geometry),
+            whole(&scene.instances),
+            whole(&scene.materials),
+            whole(&scene.thumbnails),
+            grid_uniform,
+            scene_uniform,
+            whole(&scene.chunks),
+            whole(&vpl.vpls),
+            whole(&vpl.bricks),
+            whole(&vpl.meetings),
         ],
     );
     let density = p.measure_density.bind(&device, &cache, &[parameters, whole(&vpl.bricks), whole(&vpl.densities)]);
@@ -114,6 +135,9 @@ pub(super) fn trace_vpls(
     sort.sort(&device, encoder, &cache, &vpl.order, &vpl.vertex_count, VERTEX_KEY_BITS);
     p.scan_weights.dispatch(encoder, &cache, &[&list], UVec3::ONE);
     p.build_list.dispatch(encoder, &cache, &[&list], groups(capacity));
+    p.file_lights.dispatch(encoder, &cache, &[&places], groups(capacity));
+    p.meet_triangles.dispatch(encoder, &cache, &[&settle], folded(scene.chunk_count()));
+    p.set_lights.dispatch(encoder, &cache, &[&places], groups(capacity));
     p.measure_density.dispatch(encoder, &cache, &[&density, &grid_group], UVec3::new(grid.brick_count() as u32, 1, 1));
     span.end(encoder);
 }

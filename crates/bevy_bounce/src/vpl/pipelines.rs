@@ -19,6 +19,9 @@ pub(super) struct VplPipelines {
     pub write_pairs: Kernel,
     pub scan_weights: Kernel,
     pub build_list: Kernel,
+    pub file_lights: Kernel,
+    pub meet_triangles: Kernel,
+    pub set_lights: Kernel,
     pub measure_density: Kernel,
 }
 
@@ -37,6 +40,10 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let order = [uniform, uniform, read, write, write, write];
     // Parameters, grid; vertices, vertex count, pairs; bricks; counters; starts, header, list.
     let list = [uniform, uniform, read, read, read, write, read, write, write, write];
+    // Grid; header; list, bricks, meetings.
+    let places = [uniform, read, write, write, write];
+    // Geometry, instances, materials, thumbnails; grid, scene; chunks, list, bricks; meetings.
+    let settle = [read, read, read, read, uniform, uniform, read, read, read, write];
     // Parameters; bricks; densities.
     let density = [uniform, read, write];
     commands.insert_resource(VplPipelines {
@@ -47,6 +54,9 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
         write_pairs: kernel("vpl/order.wgsl", "write_pairs", &order, &[]),
         scan_weights: kernel("vpl/list.wgsl", "scan_weights", &list, &[]),
         build_list: kernel("vpl/list.wgsl", "build_list", &list, &[]),
+        file_lights: kernel("vpl/places.wgsl", "file_lights", &places, &[]),
+        meet_triangles: kernel("vpl/settle.wgsl", "meet_triangles", &settle, &[]),
+        set_lights: kernel("vpl/places.wgsl", "set_lights", &places, &[]),
         measure_density: kernel("vpl/density.wgsl", "measure_density", &density, &[grid_layout()]),
     });
 }

@@ -3,7 +3,9 @@
 use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy_bounce_shaders::types::{BRICK_WORDS, CHUNK_TRIANGLES, Emitter, Path, Vpl, VplHeader, VplParameters};
+use bevy_bounce_shaders::types::{
+    BRICK_WORDS, CHUNK_TRIANGLES, Emitter, MEETING_WORDS, Path, Vpl, VplHeader, VplParameters,
+};
 
 use crate::avg::VoxelGrid;
 use crate::scene::SceneBuffers;
@@ -35,6 +37,8 @@ pub(crate) struct VplBuffers {
     pub densities: Buffer,
     /// The list.
     pub vpls: Buffer,
+    /// What each light's path met, [`MEETING_WORDS`] each.
+    pub meetings: Buffer,
     /// What the list holds.
     pub header: Buffer,
     /// Emissive triangles.
@@ -56,6 +60,7 @@ impl VplBuffers {
             bricks: storage(device, "bounce_vpl_bricks", 4),
             densities: storage(device, "bounce_vpl_densities", 8),
             vpls: storage(device, "bounce_vpls", u64::from(parameters.capacity) * u64::from(Vpl::min_size())),
+            meetings: storage(device, "bounce_vpl_meetings", u64::from(parameters.capacity * MEETING_WORDS) * 4),
             header: storage(device, "bounce_vpl_header", u64::from(VplHeader::min_size())),
             emitters: storage(device, "bounce_emitters", emitter_bytes(1)),
         }
@@ -82,7 +87,7 @@ impl VplBuffers {
                     + self.densities.size(),
             ),
             ("vpl: order", self.order.bytes() + self.starts.size() + self.vertex_count.size()),
-            ("vpl: list", self.vpls.size() + self.header.size()),
+            ("vpl: list", self.vpls.size() + self.meetings.size() + self.header.size()),
             ("vpl: emitters", self.emitters.size()),
         ]
     }

@@ -1,0 +1,87 @@
+//! Virtual lights are set on the first surface that their path met.
+
+use bevy::math::{Affine3A, Vec3, Vec4};
+use bevy_bounce_shaders::types::{INSTANCE_TWO_SIDED, Material, Vpl, VplHeader};
+use bevy_bounce_tests::gpu::gpu;
+use bevy_bounce_tests::scene::{TestScene, settle};
+
+use crate::shadow_atlas::pack_incoming;
+
+const VOXEL: f32 = 0.2;
+
+/// A square of that half width about a point, that faces up.
+fn square(center: Vec3, half: f32) -> [[Vec3; 3]; 2] {
+    let corner = |x: f32, z: f32| center + Vec3::new(x, 0.0, z) * half;
+    let [a, b, c, d] = [corner(-1.0, -1.0), corner(-1.0, 1.0), corner(1.0, 1.0), corner(1.0, -1.0)];
+    [[a, b, c], [a, c, d]]
+}
+
+/// A floor that is much larger than a brick, and squares over it, one beside the other.
+fn scene() -> TestScene {
+    let mut scene = TestScene::new(Vec3::splat(0.5));
+    let masked = scene.materials.len() as u32;
+    scene.materials.push(Material { albedo: Vec4::new(0.5, 0.5, 0.5, 0.1), alpha_cutoff: 0.5, ..scene.materials[0] });
+    scene.soup(&square(Vec3::ZERO, 6.0));
+    let place = Affine3A::IDENTITY;
+    scene.mesh(&square(Vec3::new(-3.0, 0.1, 0.0), 0.5), 0, 0, place);
+    scene.mesh(&square(Vec3::new(-1.0, 0.1, 0.0), 0.5), masked, 0, place);
+    let backs = |x| square(Vec3::new(x, 0.1, 0.0), 0.5).map(|[a, b, c]| [a, c, b]);
+    scene.mesh(&backs(1.0), 0, 0, place);
+    scene.mesh(&backs(3.0), 0, INSTANCE_TWO_SIDED, place);
+    scene
+}
+
+/// Lights whose paths came down, freely for so many voxels, where they are put.
+fn settled(lights: &[(Vec3, f32, u32)]) -> Vec<Vpl> {
+    let scene = scene();
+    let grid = scene.grid(VOXEL);
+    let vpls: Vec<Vpl> = lights
+        .iter()
+        .map(|&(position, reach, bounce_met)| Vpl {
+            position,
+            bounce_met,
+            normal: Vec3::X,
+            incoming: pack_incoming(Vec3::NEG_Y, reach),
+            ..Vpl::default()
+        })
+        .collect();
+    let count = vpls.len() as u32;
+    let resources = scene
+        .resources(gpu())
+        .uniform("grid", &grid)
+        .structs("vpls", &vpls)
+        .structs("header", &[VplHeader { count, ..VplHeader::default() }]);
+    settle(gpu(), &scene, &grid, resources, count).read_structs("vpls").expect("reads back")
+}
+
+#[test]
+fn lights_are_set_on_the_first_surface_that_shows_its_front() {
+    // On the floor, on a square over it, through one that is masked out, through the back of one, on one with two sides.
+    let heights = [(-5.0, 0.0), (-3.0, 0.1), (-1.0, 0.0), (1.0, 0.0), (3.0, 0.1)];
+    let lights = heights.map(|(x, _)| (Vec3::new(x, 0.05, 0.1), 1.5, 1));
+    for (vpl, (x, height)) in settled(&lights).iter().zip(heights) {
+        let place = Vec3::new(x, height, 0.1);
+        assert!((vpl.position - place).length() < 1e-4 * VOXEL + 1e-6, "{} instead of {place}", vpl.position);
+        assert!(vpl.normal.distance(Vec3::Y) < 1e-3, "{x}: normal {}", vpl.normal);
+    }
+}
+
+#[test]
+fn lights_stay_where_nothing_is_near() {
+    let above = 1.6 * VOXEL;
+    let below = -1.6 * VOXEL;
+    let lights = [
+        // Too far over the floor, and too far under it.
+        (Vec3::new(-5.0, above, 0.1), 1.5, 1),
+        (Vec3::new(-5.0, below, 0.1), 1.5, 1),
+        // Their light started below the square.
+        (Vec3::new(-3.0, -0.05, 0.1), 0.3, 1),
+        // On an emissive surface.
+        (Vec3::new(-3.0, 0.05, 0.1), 1.5, 0),
+    ];
+    let found = settled(&lights);
+    for index in [0, 1, 3] {
+        assert_eq!((found[index].position, found[index].normal), (lights[index].0, Vec3::X), "light {index}");
+    }
+    assert!((found[2].position.y).abs() < 1e-4, "{} is not on the floor", found[2].position);
+}
