@@ -9,8 +9,8 @@ use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy::render::renderer::RenderAdapterInfo;
-use bevy_bounce::gpu_memory;
 use bevy_bounce::radiance_cache::cache_counts;
+use bevy_bounce::{gpu_memory, vpl_count};
 use serde_json::{Value, json};
 
 use crate::stage_clock::StageClock;
@@ -29,7 +29,7 @@ pub fn write(app: &mut App, run: &Run, times: &[Duration], path: &Path) -> Resul
         "adapter": app.world().get_resource::<RenderAdapterInfo>().map(|info| info.name.clone()),
         "size": [run.size.x, run.size.y],
         "triangles": triangles(app),
-        "vpls": vpls(run),
+        "vpls": vpls(app),
         "caches": caches(app),
         "gpu_bytes": bytes,
         "gpu_bytes_by": bytes_by,
@@ -64,9 +64,9 @@ fn triangles(app: &mut App) -> usize {
     instances.iter(app.world()).filter_map(|instance| meshes.get(&instance.0)).map(triangles).sum()
 }
 
-/// Virtual point lights a frame.
-fn vpls(run: &Run) -> u32 {
-    run.illumination.as_ref().map_or(0, |illumination| illumination.quality.settings().vpls)
+/// Virtual point lights of the last frame.
+fn vpls(app: &mut App) -> u32 {
+    app.get_sub_app_mut(RenderApp).and_then(|render| vpl_count(render.world_mut())).unwrap_or(0)
 }
 
 /// Radiance caches of each view in the last frame: how many, clusters merged for want of room, pixels, pixels without one.
