@@ -88,6 +88,11 @@ pub struct GiSettings {
     pub cssm: CssmSettings,
     /// Caches of incident light: glossy light beside virtual point lights, and all of [`Technique::RadianceCache`].
     pub radiance_cache: RadianceCacheSettings,
+    /// Frames over which bounced light is averaged where it hardly changes, 0 to 64; 0 and 1 are off. More is calmer. Light that
+    /// changes by more than a few percent shows in its frame whatever this is. Costs the same from 2 on: 16 bytes a pixel, motion
+    /// vectors included, and 8 more with glossy light; see [`history`](crate::history).
+    #[reflect(@0..=64_u32)]
+    pub history: u32,
 }
 
 /// Pixels at which something is computed.
@@ -115,6 +120,9 @@ impl Resolution {
 /// Virtual lights times triangles that are drawn into their shadow maps, at most.
 const OCCLUSION_BUDGET: u32 = 1 << 24;
 
+/// Frames over which bounced light is averaged by default.
+const HISTORY: u32 = 8;
+
 /// Largest edge of a grid whose voxels are lit, voxels: their light takes 115 MiB.
 const MAX_LIT_GRID: u32 = 128;
 
@@ -136,6 +144,11 @@ impl GlobalIllumination {
         settings
     }
 
+    /// Whether light is averaged over frames.
+    pub(crate) fn has_history(&self) -> bool {
+        self.is_active() && self.settings().has_history()
+    }
+
     /// What it asks of the world stages.
     fn world_settings(&self) -> GiSettings {
         let mut settings = self.settings();
@@ -152,6 +165,11 @@ impl GlobalIllumination {
 }
 
 impl GiSettings {
+    /// Whether light is averaged over frames.
+    pub(crate) fn has_history(&self) -> bool {
+        self.history > 1
+    }
+
     /// Whether the voxels are lit.
     pub(crate) fn lights_grid(&self) -> bool {
         self.radiance_cache.glossy
@@ -202,6 +220,7 @@ impl Quality {
             ssbc: SsbcSettings { iterations, ..default() },
             cssm: CssmSettings { error, ..default() },
             radiance_cache: RadianceCacheSettings::DEFAULT,
+            history: HISTORY,
         };
         match *self {
             Quality::Low => preset(32, 256, 24, Resolution::Half, 1, 32.0),
@@ -219,6 +238,7 @@ impl Quality {
                 ssbc: custom.ssbc.clamped(),
                 cssm: custom.cssm.clamped(),
                 radiance_cache: custom.radiance_cache.clamped(),
+                history: custom.history.min(64),
             },
         }
     }
@@ -248,5 +268,6 @@ pub(crate) fn extract_world_settings(
             ssbc: a.ssbc,
             cssm: a.cssm,
             radiance_cache: a.radiance_cache.more(b.radiance_cache),
+            history: a.history,
         });
 }
