@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bevy::prelude::*;
-use bevy_bounce::{CssmFilter, GiIsolate, GiSettings, GlobalIllumination, Quality, Resolution, Technique, VplVisibility};
+use bevy_bounce::{
+    CssmFilter, GiIsolate, GiSettings, GlobalIllumination, Quality, Resolution, Technique, VplVisibility,
+};
 
 use crate::options::{
     FilterOption, IsolateOption, QualityOption, ResolutionOption, ShowOption, Switch, TechniqueOption, VisibilityOption,

@@ -8,8 +8,8 @@ use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
 use crate::settings::{GiWorldSettings, extract_world_settings};
 use crate::{
-    AvgPlugin, CssmPlugin, GiComposePlugin, GiScenePlugin, HistoryPlugin, InterleavedShadingPlugin, RadianceCachePlugin,
-    ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
+    AvgPlugin, CssmPlugin, GiComposePlugin, GiScenePlugin, HistoryPlugin, InterleavedShadingPlugin,
+    RadianceCachePlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
 };
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.

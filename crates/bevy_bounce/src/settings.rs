@@ -7,9 +7,9 @@ use bevy::render::extract_component::ExtractComponent;
 use crate::compute::MAX_WORKGROUPS;
 use crate::{CssmSettings, GiIsolate, RadianceCacheSettings, SsbcSettings};
 
-/// Lights what this camera sees with bounced light, computed afresh every frame.
+/// Lights what this camera sees with bounced light, right in every frame.
 ///
-/// Brings along what it needs: HDR and black ambient light, and hands back what it found when it is removed. Every `Camera3d`
+/// Brings along what it needs: HDR, black ambient light and, for history, motion vectors; hands back what it found when it is removed. Every `Camera3d`
 /// of the app is deferred, without MSAA, and stays so.
 #[derive(Component, ExtractComponent, Reflect, Clone, Debug, Default, PartialEq)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
@@ -88,9 +88,10 @@ pub struct GiSettings {
     pub cssm: CssmSettings,
     /// Caches of incident light: glossy light beside virtual point lights, and all of [`Technique::RadianceCache`].
     pub radiance_cache: RadianceCacheSettings,
-    /// Frames over which bounced light is averaged where it hardly changes, 0 to 64; 0 and 1 are off. More is calmer. Light that
-    /// changes by more than a few percent shows in its frame whatever this is. Costs the same from 2 on: 16 bytes a pixel, motion
-    /// vectors included, and 8 more with glossy light; see [`history`](crate::history).
+    /// Frames over which bounced light is averaged where it hardly changes, 0 to 64; 0 and 1 are off. More is calmer, and no frame
+    /// is more than four percent off its own light whatever this is. Costs the same from 2 on: 16 bytes a pixel, motion vectors
+    /// included, and 8 more with glossy light; see [`history`](crate::history). Bevy compiles other pipelines for its prepass when it
+    /// is switched on or off, and leaves out what waits for them.
     #[reflect(@0..=64_u32)]
     pub history: u32,
 }

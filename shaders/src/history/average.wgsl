@@ -1,10 +1,10 @@
 // The bounced light of a pixel, averaged with that of the last frames as far as these still hold.
 //
-// How far is decided by the pixels around it that show the same surface: what the last frames say may be off this frame's light by
-// `TOLERANCE` of their mean and half their standard deviation. Salvi 2016, "An Excursion in Temporal Supersampling", clips history to
-// such a range around the mean; here its weight falls with the square of how far it is off, and at the end of the range it is forgotten. So a
-// light that is switched shows in that frame, and no pixel is ever further off its own frame's light than 2 / sqrt(27) of the range:
-// 2.3 percent of the mean where light is even, 6.2 percent where it is not.
+// What the last frames say may be off this frame's light by `TOLERANCE` of it, and by a part of the standard deviation of the pixels
+// around that show the same surface. Salvi 2016, "An Excursion in Temporal Supersampling", clips history to the range that these span;
+// here its weight falls with the square of how far it is off, and at the end of the range it is forgotten. So a light that is switched
+// shows in that frame, and no pixel is ever further off its own frame's light than 2 / sqrt(27) of the range: 2.4 percent where light
+// is even, 4.1 percent where it is not.
 //
 // Cost: nine texels of light and of surfaces, and what `recall.wgsl` costs.
 
@@ -18,13 +18,15 @@
 /// Share of the light by which history may be off it.
 const TOLERANCE: f32 = 0.06;
 /// Standard deviations by which it may be off besides, and share of the light that these are at most.
-const DEVIATIONS: f32 = 0.5;
-const LARGEST_DEVIATION: f32 = 0.1;
+const DEVIATIONS: f32 = 0.25;
+const LARGEST_DEVIATION: f32 = 0.04;
+/// Share of a half float that takes it to the next one.
+const HALF_STEP: f32 = 0.0005;
 /// Pre-exposed light below what any display shows.
 const BLACK: f32 = 1e-6;
 
-/// By how much history may be off the light of a pixel.
-fn range_of(center: Surface, pixel: vec2<i32>, light: vec3<f32>) -> vec3<f32> {
+/// Standard deviation of the light around a pixel on its surface.
+fn deviation_around(center: Surface, pixel: vec2<i32>, light: vec3<f32>) -> vec3<f32> {
     let size = vec2<i32>(textureDimensions(surface_texture));
     var sum = vec3<f32>(0.0);
     var squares = vec3<f32>(0.0);
@@ -43,9 +45,7 @@ fn range_of(center: Surface, pixel: vec2<i32>, light: vec3<f32>) -> vec3<f32> {
         }
     }
     let offset = sum / count;
-    let mean = light + offset;
-    let deviation = sqrt(max(squares / count - offset * offset, vec3<f32>(0.0)));
-    return TOLERANCE * mean + min(DEVIATIONS * deviation, LARGEST_DEVIATION * mean) + BLACK;
+    return sqrt(max(squares / count - offset * offset, vec3<f32>(0.0)));
 }
 
 fn averaged(surface: Surface, pixel: vec2<u32>, light: vec3<f32>) -> vec4<f32> {
@@ -53,10 +53,16 @@ fn averaged(surface: Surface, pixel: vec2<u32>, light: vec3<f32>) -> vec4<f32> {
     if past.a < 1.0 {
         return vec4<f32>(light, 1.0);
     }
-    let off = abs(past.rgb - light) / range_of(surface, vec2<i32>(pixel), light);
+    // Of both, so that what grows is let go as readily as what shrinks.
+    let middle = 0.5 * (past.rgb + light);
+    let deviation = DEVIATIONS * deviation_around(surface, vec2<i32>(pixel), light);
+    let off = abs(past.rgb - light) / (TOLERANCE * middle + min(deviation, LARGEST_DEVIATION * middle) + BLACK);
     let worst = max(off.x, max(off.y, off.z));
     let weight = clamp(worst * worst, 1.0 / min(past.a + 1.0, parameters.frames), 1.0);
-    return vec4<f32>(mix(past.rgb, light, weight), 1.0 / weight);
+    // By a step of a half float at least, so that what stands still arrives.
+    let difference = light - past.rgb;
+    let step = min(abs(difference), max(weight * abs(difference), HALF_STEP * past.rgb));
+    return vec4<f32>(past.rgb + sign(difference) * step, 1.0 / weight);
 }
 
 @compute @workgroup_size(8, 8)

@@ -22,6 +22,8 @@
 
 /// Pixels a frame below which a surface stands still.
 const STILL: f32 = 0.02;
+/// Pixels off a pixel's middle below which its light is taken as it is.
+const AT_REST: f32 = 0.002;
 /// Relative rounding of the halves that hold motion vectors, and of their difference.
 const HALF_ROUNDING: f32 = 0.001;
 /// Pixels around what moves within which it is still itself, and pixels more for each that it moves.
@@ -71,7 +73,9 @@ fn recall(surface: Surface, pixel: vec2<u32>) -> vec4<f32> {
     let size = vec2<f32>(textureDimensions(surface_texture));
     let own = own_motion(surface.position, pixel, size);
     let clip = parameters.previous_clip_from_world * vec4<f32>(surface.position, 1.0);
-    let place = to_uv(clip) * size - own - 0.5;
+    let exact = to_uv(clip) * size - own - 0.5;
+    // What stands still is found where it is, however numbers are rounded.
+    let place = select(exact, round(exact), abs(exact - round(exact)) < vec2<f32>(AT_REST));
     // Also where it is not finite.
     if parameters.valid == 0u || clip.w <= 0.0 || !all(abs(place - 0.5 * size) < size) {
         return vec4<f32>(0.0);

