@@ -73,9 +73,9 @@ pub struct Options {
     /// Bounced light alone, before compensation, after it, or what it adds; instead of --isolate
     #[arg(long, value_enum, conflicts_with = "isolate")]
     pub show: Option<ShowOption>,
-    /// History between frames
-    #[arg(long, value_enum, default_value_t = Switch::Off)]
-    pub temporal: Switch,
+    /// Bounced light averaged over frames [default: as the quality has it]
+    #[arg(long, value_enum)]
+    pub temporal: Option<Switch>,
     /// Glossy indirect light beside virtual point lights [default: off, or as the example has it]
     #[arg(long, value_enum)]
     pub glossy: Option<Switch>,

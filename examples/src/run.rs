@@ -5,7 +5,9 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bevy::prelude::*;
-use bevy_bounce::{CssmFilter, GiIsolate, GlobalIllumination, Quality, Resolution, Technique, VplVisibility};
+use bevy_bounce::{
+    CssmFilter, GiIsolate, GiSettings, GlobalIllumination, Quality, Resolution, Technique, VplVisibility,
+};
 
 use crate::options::{
     FilterOption, IsolateOption, QualityOption, ResolutionOption, ShowOption, Switch, TechniqueOption, VisibilityOption,
@@ -80,7 +82,6 @@ impl Options {
     fn reject_unbuilt(&self) -> Result<(), Error> {
         let unbuilt = [
             (self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try atlas"),
-            (self.temporal == Switch::On, "--temporal on"),
             (self.sky.is_some(), "--sky"),
         ];
         unbuilt.into_iter().find(|(asked, _)| *asked).map_or(Ok(()), |(_, what)| Err(Error::NotBuilt(what)))
@@ -132,6 +133,11 @@ impl Options {
         settings.radiance_cache.glossy = self.glossy == Some(Switch::On);
         settings.radiance_cache.caches = self.caches.unwrap_or(settings.radiance_cache.caches);
         settings.radiance_cache.reach = self.cache_reach.unwrap_or(settings.radiance_cache.reach);
+        settings.history = match self.temporal {
+            Some(Switch::Off) => 0,
+            Some(Switch::On) => GiSettings::default().history,
+            None => settings.history,
+        };
         let technique = match self.technique {
             TechniqueOption::RadianceCache => Technique::RadianceCache,
             TechniqueOption::Cssm => Technique::SurfaceRadiosity,

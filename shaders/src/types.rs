@@ -1,6 +1,6 @@
 //! Structs that Rust and WGSL share. A test compares every one with what naga makes of its WGSL twin of the same name.
 
-use bevy::math::{UVec2, UVec3, Vec2, Vec3, Vec4};
+use bevy::math::{Mat4, UVec2, UVec3, Vec2, Vec3, Vec4};
 use bevy::render::render_resource::ShaderType;
 
 /// No such offset or index.
@@ -432,6 +432,25 @@ pub struct SsbcParameters {
 
 /// Levels of the hierarchy of the bias compensation above the pixels.
 pub const SSBC_LEVELS: u32 = 6;
+
+/// What the history is told of the last frame.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct HistoryParameters {
+    /// As it was drawn: jittered where the camera is.
+    pub previous_clip_from_world: Mat4,
+    /// The inverse.
+    pub previous_world_from_clip: Mat4,
+    /// As motion vectors count: without jitter.
+    pub previous_unjittered_clip_from_world: Mat4,
+    /// This frame's exposure over the last one's.
+    pub exposure: f32,
+    /// Frames over which light is averaged at most.
+    pub frames: f32,
+    /// 1 where there is a last frame, 0 where not.
+    pub valid: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding: u32,
+}
 
 /// A baked object: where it stands, and how its words are read. Lengths are world units of the object's own space.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]

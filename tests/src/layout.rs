@@ -54,6 +54,7 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         VplParameters,
         VplHeader,
         SsbcParameters,
+        HistoryParameters,
         CssmBake,
         CssmGather,
         CssmLevel,

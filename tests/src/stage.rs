@@ -15,7 +15,7 @@ use bevy_bounce_examples::{Run, app, headless};
 use crate::gpu::webgpu_limits;
 use crate::picture::Picture;
 
-/// Settings that a software adapter renders in a moment, without bias compensation.
+/// Settings that a software adapter renders in a moment, without bias compensation and history.
 pub const SMALL: GiSettings = GiSettings {
     grid: 32,
     vpls: 256,
@@ -27,6 +27,7 @@ pub const SMALL: GiSettings = GiSettings {
     ssbc: SsbcSettings::OFF,
     cssm: CssmSettings::DEFAULT,
     radiance_cache: RadianceCacheSettings::DEFAULT,
+    history: 0,
 };
 
 /// Global illumination with those settings.

@@ -8,8 +8,8 @@ use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
 use crate::settings::{GiWorldSettings, extract_world_settings};
 use crate::{
-    AvgPlugin, CssmPlugin, GiComposePlugin, GiScenePlugin, InterleavedShadingPlugin, RadianceCachePlugin,
-    ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
+    AvgPlugin, CssmPlugin, GiComposePlugin, GiScenePlugin, HistoryPlugin, InterleavedShadingPlugin,
+    RadianceCachePlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
 };
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.
@@ -24,6 +24,7 @@ use crate::{
 /// | [`SsbcPlugin`] | gives back what bounding took from the indirect light | corners are darker |
 /// | [`RadianceCachePlugin`] | glossy light; `Technique::RadianceCache` | neither |
 /// | [`CssmPlugin`] | light from baked objects | `Technique::SurfaceRadiosity` bounces nothing |
+/// | [`HistoryPlugin`] | averages bounced light over frames | each frame by itself |
 /// | [`GiComposePlugin`] | into the picture | Bevy's own picture |
 #[derive(Default)]
 pub struct GlobalIlluminationPlugins {
@@ -41,6 +42,7 @@ impl PluginGroup for GlobalIlluminationPlugins {
             .add(SsbcPlugin)
             .add(RadianceCachePlugin)
             .add(CssmPlugin)
+            .add(HistoryPlugin)
             .add(GiComposePlugin)
     }
 }

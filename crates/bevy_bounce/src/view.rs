@@ -7,7 +7,7 @@
 //! | `direct_diffuse` | rgba16float | its diffuse part |
 //! | `indirect` | rgba16float | irradiance of bounced light over pi |
 //! | `glossy` | rgba16float | bounced light convolved with the lobe of the pixel's roughness; where it is asked for |
-//! | `interleaved` | rgba16float | bounced light, half filtered; then what pixels send, for bias compensation |
+//! | `interleaved` | rgba16float | bounced light, half filtered; then what pixels send, for bias compensation; then bounced light averaged over frames |
 //!
 //! Light is pre-exposed: cd/m^2 times the view's exposure. `direct`, `indirect` and `glossy` are the layers of one array, so that
 //! the composing pass needs one binding for all: Bevy's view bindings leave no more of the 16 that WebGPU guarantees.
@@ -25,7 +25,7 @@ use bevy::render::view::ExtractedView;
 use crate::{GiIsolate, GiSettings, Technique};
 
 /// A camera with bounced light, in the render world.
-#[derive(Component, Clone, Copy, Debug)]
+#[derive(Component, Clone, Copy, Debug, PartialEq)]
 pub(crate) struct GiView {
     /// What the picture holds.
     pub isolate: GiIsolate,

@@ -2,18 +2,19 @@
 //
 // Many more vertices are traced than the list holds. In an order in which neighbours are neighbours in space, they are cut
 // into as many runs as there is room for; a run becomes one light, with all its flux, at one of its vertices, chosen in
-// proportion to flux. What a light carries is thus an average over many paths. A vertex counts towards the length of its run
+// proportion to flux: the same one as long as it is in the run, so that lights keep their places where runs shift by a few
+// vertices. What a light carries is thus an average over many paths. A vertex counts towards the length of its run
 // by the inverse cube root of how many there are around (in the same brick of the grid): where light is rare, it comes from
 // more and weaker lights than its share of the flux would give it. One whose light goes on into the open counts a fifth: a
 // roof in the sun does not take the lights from the rooms below it.
 //
 // Light k of the order belongs to subset k mod 16: each of the sixteen subsets has lights from everywhere.
 //
-// Cost: one workgroup adds up the weights, four loads and an atomic addition a vertex; then a thread a light, three loads a vertex.
+// Cost: one workgroup adds up the weights, four loads and an atomic addition a vertex; then a thread a light, two loads a vertex.
 
 #import bevy_bounce::shared::groups::exclusive_scan
 #import bevy_bounce::shared::grid::{Grid, brick_at, COUNTER_AREA}
-#import bevy_bounce::shared::sampling::sample_square
+#import bevy_bounce::shared::sampling::{hash, unit_float}
 #import bevy_bounce::vpl::types::{
     Vpl, VplParameters, VplHeader, SUBSETS, MET, BRICK_WORDS, BRICK_VERTICES, BRICK_LIGHTS, LIGHT_SHIFT,
     luminance,
@@ -36,8 +37,6 @@
 const GROUP: u32 = 256u;
 /// What a vertex counts whose light meets nothing.
 const OPEN_WEIGHT: f32 = 0.2;
-/// Dimension of the sequence, beyond those of the paths.
-const DIMENSION_VERTEX: u32 = 128u;
 
 var<workgroup> float_scratch: array<f32, GROUP>;
 
@@ -126,6 +125,12 @@ fn first_vertex(light: u32) -> u32 {
     return low;
 }
 
+// Of many, the one that waits the shortest is each with a probability in proportion to its flux. Efraimidis and Spirakis 2006,
+// "Weighted random sampling with a reservoir". The chance belongs to the vertex of the path, whatever run it is in.
+fn waiting_time(slot: u32, weight: f32) -> f32 {
+    return -log(max(unit_float(hash(slot)), 1e-10)) / max(weight, 1e-30);
+}
+
 @compute @workgroup_size(64)
 fn build_list(@builtin(global_invocation_id) id: vec3<u32>) {
     let light = id.x;
@@ -135,18 +140,17 @@ fn build_list(@builtin(global_invocation_id) id: vec3<u32>) {
     let first = first_vertex(light);
     let end = first_vertex(light + 1u);
     var flux = vec3<f32>(0.0);
+    var chosen = pairs[first].y;
+    var least = 1e38;
     for (var i = first; i < end; i++) {
-        flux += vertices[pairs[i].y].flux;
+        let slot = pairs[i].y;
+        let own = vertices[slot].flux;
+        let wait = waiting_time(slot, luminance(own));
+        chosen = select(chosen, slot, wait < least);
+        least = min(least, wait);
+        flux += own;
     }
-    var pick = sample_square(light, DIMENSION_VERTEX).x * luminance(flux);
-    var chosen = first;
-    for (; chosen + 1u < end; chosen++) {
-        pick -= luminance(vertices[pairs[chosen].y].flux);
-        if pick < 0.0 {
-            break;
-        }
-    }
-    var vpl = vertices[pairs[chosen].y];
+    var vpl = vertices[chosen];
     vpl.flux = flux / f32(parameters.path_count);
     vpls[header.subset_start[light % SUBSETS] + light / SUBSETS] = vpl;
 }

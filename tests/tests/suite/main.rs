@@ -7,6 +7,7 @@ mod cssm;
 mod deform;
 mod guides;
 mod harness;
+mod history;
 mod lightmap;
 mod metrics;
 mod octahedral;

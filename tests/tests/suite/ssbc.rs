@@ -66,6 +66,7 @@ impl Eye {
         };
         put("world_from_clip", &self.world_from_clip().to_cols_array());
         put("clip_from_world", &self.world_from_clip().inverse().to_cols_array());
+        put("unjittered_clip_from_world", &self.world_from_clip().inverse().to_cols_array());
         put("world_from_view", &self.place.to_matrix().to_cols_array());
         put("clip_from_view", &self.clip_from_view.to_cols_array());
         put("world_position", &self.place.translation.to_array());

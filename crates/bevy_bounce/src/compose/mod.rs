@@ -4,7 +4,7 @@
 //!
 //! 1. `surface` packs depth and normal of Bevy's G-buffer for the passes of a view.
 //! 2. `direct` lights with Bevy's own functions, and keeps the diffuse part aside.
-//! 3. Bounced light is shaded and compensated.
+//! 3. Bounced light is shaded, compensated and averaged over frames.
 //! 4. `compose` adds up: direct + indirect * diffuse colour * occlusion + emission, then fog, before screen-space
 //!    reflections and everything drawn forward.
 //!
@@ -65,6 +65,8 @@ pub enum ViewPass {
     Shade,
     /// What bounding took from it is added.
     Compensate,
+    /// It is averaged over frames.
+    History,
     /// Into the picture.
     Compose,
 }
@@ -106,7 +108,14 @@ impl Plugin for GiComposePlugin {
             )
             .configure_sets(
                 Core3d,
-                (ViewPass::Surface, ViewPass::Direct, ViewPass::Shade, ViewPass::Compensate, ViewPass::Compose)
+                (
+                    ViewPass::Surface,
+                    ViewPass::Direct,
+                    ViewPass::Shade,
+                    ViewPass::Compensate,
+                    ViewPass::History,
+                    ViewPass::Compose,
+                )
                     .chain()
                     .in_set(Core3dSystems::MainPass)
                     .after(deferred_lighting)

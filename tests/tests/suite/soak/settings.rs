@@ -68,5 +68,6 @@ fn settings(random: &mut Rng) -> GiSettings {
             reach: float(random, 1.0, 4.0),
             further_bounces: random.bool(),
         },
+        history: random.u32(0..100),
     }
 }
