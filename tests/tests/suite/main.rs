@@ -14,6 +14,7 @@ mod panel;
 mod paths;
 mod pictures;
 mod pipelines;
+mod probes;
 mod radiance_cache;
 mod sampling;
 mod shaders;
