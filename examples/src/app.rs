@@ -77,7 +77,11 @@ pub fn build(run: &Run, assets: Option<PathBuf>) -> App {
     if run.plain_bevy {
         app.insert_resource(DefaultOpaqueRendererMethod::deferred());
     } else {
-        app.add_plugins(GlobalIlluminationPlugins::default());
+        app.add_plugins(if run.forward {
+            GlobalIlluminationPlugins::forward()
+        } else {
+            GlobalIlluminationPlugins::default()
+        });
         if run.panel || !run.headless {
             app.add_plugins(BouncePanelPlugin { open: run.panel, ..default() });
         }

@@ -49,6 +49,12 @@ pub struct Options {
     /// Scale of the bound of the geometry term, over the quality's
     #[arg(long, value_name = "X")]
     pub bound: Option<f32>,
+    /// Light probes along the longest axis, over the quality's: they light transparent and forward-rendered surfaces; 0 is off
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=64))]
+    pub probes: Option<u32>,
+    /// Everything forward, with MSAA: bounced light from light probes alone
+    #[arg(long, conflicts_with_all = ["plain_bevy", "isolate", "show"])]
+    pub forward: bool,
     /// Pixels at which bounced light is shaded, over the quality's
     #[arg(long, value_enum)]
     pub resolution: Option<ResolutionOption>,

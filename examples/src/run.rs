@@ -37,6 +37,8 @@ pub struct Run {
     pub stats: Option<PathBuf>,
     /// With the panel open.
     pub panel: bool,
+    /// Forward, with MSAA: bounced light from light probes alone.
+    pub forward: bool,
     /// Without this project's plugins.
     pub plain_bevy: bool,
 }
@@ -64,6 +66,9 @@ impl Options {
                 "bounced light alone: without a technique there is none; try --technique vpl".into(),
             ));
         }
+        if self.forward && self.isolate() != GiIsolate::All {
+            return Err(Error::Usage("--forward: only whole pictures, for Bevy lights them in one pass".into()));
+        }
         Ok(Run {
             headless: self.headless || !outputs.is_empty() || self.stats.is_some(),
             outputs,
@@ -75,6 +80,7 @@ impl Options {
             webgpu_limits: self.webgpu_limits,
             stats: self.stats.clone(),
             panel: self.panel,
+            forward: self.forward,
             plain_bevy: self.plain_bevy,
         })
     }
@@ -116,6 +122,7 @@ impl Options {
             None => settings.visibility,
         };
         settings.bound = self.bound.unwrap_or(settings.bound);
+        settings.probes = self.probes.unwrap_or(settings.probes);
         settings.ssbc.iterations = self.ssbc.unwrap_or(settings.ssbc.iterations);
         let pixels = |asked: Option<ResolutionOption>, preset| match asked {
             Some(ResolutionOption::Full) => Resolution::Full,

@@ -63,6 +63,8 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         CacheGrid,
         CacheCounters,
         RadianceCache,
+        ProbeParameters,
+        ProbePlace,
     ];
     let fields = struct_fields(TYPES);
     let mut layouts = BTreeMap::new();

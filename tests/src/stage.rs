@@ -23,6 +23,7 @@ pub const SMALL: GiSettings = GiSettings {
     visibility: VplVisibility::Voxel,
     tile: 24,
     bound: 1.0,
+    probes: 0,
     resolution: Resolution::Full,
     ssbc: SsbcSettings::OFF,
     cssm: CssmSettings::DEFAULT,
@@ -145,6 +146,7 @@ pub fn run(size: UVec2, illumination: Option<GlobalIllumination>) -> Run {
         webgpu_limits: webgpu_limits(),
         stats: None,
         panel: false,
+        forward: false,
         plain_bevy: false,
     }
 }

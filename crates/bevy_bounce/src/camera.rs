@@ -79,21 +79,36 @@ fn device(app: &App) -> Option<&RenderDevice> {
     app.get_sub_app(RenderApp)?.world().get_resource::<RenderDevice>()
 }
 
-/// Makes the app deferred, where the device can run the plugins; says what it lacks where not. Call it from
-/// `Plugin::finish`.
-pub(crate) fn finish(app: &mut App) {
-    let Some(device) = device(app) else { return };
-    if let Some(limit) = missing_limit(&device.limits()) {
+/// The same, with a warning where a device falls short.
+fn is_adequate_or_warn(app: &App) -> bool {
+    let Some(device) = device(app) else { return false };
+    let missing = missing_limit(&device.limits());
+    if let Some(limit) = missing {
         warn!(
             "no global illumination: this device's {} is {}, and {} is needed",
             limit.name, limit.offered, limit.needed
         );
+    }
+    missing.is_none()
+}
+
+/// Makes the app deferred, where the device can run the plugins; says what it lacks where not. Call it from
+/// `Plugin::finish`.
+pub(crate) fn finish(app: &mut App) {
+    if !is_adequate_or_warn(app) {
         return;
     }
     app.insert_resource(DefaultOpaqueRendererMethod::deferred()).add_systems(
         PostUpdate,
-        (make_deferred, prepare_cameras).before(check_msaa).before(insert_deferred_lighting_pass_id_component),
+        (make_deferred, prepare_cameras::<true>).before(check_msaa).before(insert_deferred_lighting_pass_id_component),
     );
+}
+
+/// The same for an app that stays forward: cameras that ask for bounced light lose ambient light, and nothing else changes.
+pub(crate) fn finish_forward(app: &mut App) {
+    if is_adequate_or_warn(app) {
+        app.add_systems(PostUpdate, prepare_cameras::<false>);
+    }
 }
 
 /// Every 3D camera draws what deferred materials need.
@@ -106,8 +121,8 @@ fn make_deferred(
     }
 }
 
-/// Cameras that ask for bounced light have what it takes; those that no longer do get back what they had.
-fn prepare_cameras(
+/// Cameras that ask for bounced light have what it takes, `HDR` or not; those that no longer do get back what they had.
+fn prepare_cameras<const HDR: bool>(
     mut commands: Commands,
     mut cameras: Query<
         (Entity, Option<&GlobalIllumination>, Has<Hdr>, Option<&AmbientLight>, Option<&mut Found>),
@@ -120,10 +135,13 @@ fn prepare_cameras(
         let black = AmbientLight { brightness: 0.0, ..default() };
         match (illumination.is_some_and(GlobalIllumination::is_active), found) {
             (true, None) => {
-                camera.insert((Found { hdr, ambient: ambient.cloned() }, Hdr, black));
+                camera.insert((Found { hdr, ambient: ambient.cloned() }, black));
+                if HDR {
+                    camera.insert(Hdr);
+                }
             }
             (true, Some(mut found)) => {
-                if !hdr {
+                if HDR && !hdr {
                     found.hdr = false;
                     camera.insert(Hdr);
                 }
@@ -134,7 +152,7 @@ fn prepare_cameras(
             }
             (false, Some(found)) => {
                 camera.remove::<Found>();
-                if !found.hdr {
+                if HDR && !found.hdr {
                     camera.remove::<Hdr>();
                 }
                 match found.ambient.clone() {
@@ -153,7 +171,7 @@ mod tests {
 
     fn app() -> App {
         let mut app = App::new();
-        app.add_systems(Update, (make_deferred, prepare_cameras));
+        app.add_systems(Update, (make_deferred, prepare_cameras::<true>));
         app
     }
 
@@ -216,6 +234,22 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn a_forward_app_loses_its_ambient_light_alone() {
+        let mut app = App::new();
+        app.add_systems(Update, prepare_cameras::<false>);
+        let camera = app.world_mut().spawn((Camera3d::default(), GlobalIllumination::default())).id();
+        app.update();
+        let entity = app.world().entity(camera);
+        assert_eq!(entity.get::<AmbientLight>().map(|ambient| ambient.brightness), Some(0.0));
+        assert!(!entity.contains::<Hdr>() && !entity.contains::<DeferredPrepass>());
+        assert_eq!(entity.get::<Msaa>(), Some(&Msaa::Sample4));
+        app.world_mut().entity_mut(camera).insert(Hdr).remove::<GlobalIllumination>();
+        app.update();
+        let entity = app.world().entity(camera);
+        assert!(entity.contains::<Hdr>() && !entity.contains::<AmbientLight>());
     }
 
     #[test]

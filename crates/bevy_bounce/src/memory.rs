@@ -7,6 +7,7 @@ use bevy::prelude::*;
 use crate::avg::VoxelGrid;
 use crate::cssm::Baked;
 use crate::history::History;
+use crate::probes::ProbeBuffers;
 use crate::radiance_cache::{CacheBuffers, VoxelLight};
 use crate::scene::SceneBuffers;
 use crate::shadow_atlas::ShadowAtlas;
@@ -29,6 +30,7 @@ pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let items = items.chain(render_world.get_resource::<ShadowAtlas>().map(ShadowAtlas::bytes).into_iter().flatten());
     let items = items.chain(render_world.get_resource::<Baked>().map(Baked::bytes).into_iter().flatten());
     let items = items.chain(render_world.get_resource::<VoxelLight>().map(VoxelLight::bytes).into_iter().flatten());
+    let items = items.chain(render_world.get_resource::<ProbeBuffers>().map(ProbeBuffers::bytes).into_iter().flatten());
     let items = items.chain(views.iter(render_world).flat_map(ViewTextures::bytes));
     let items = items.chain(compensated.iter(render_world).flat_map(SsbcTextures::bytes));
     let items = items.chain(cached.iter(render_world).flat_map(CacheBuffers::bytes));

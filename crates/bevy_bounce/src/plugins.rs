@@ -8,8 +8,8 @@ use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
 use crate::settings::{GiWorldSettings, extract_world_settings};
 use crate::{
-    AvgPlugin, CssmPlugin, GiComposePlugin, GiScenePlugin, HistoryPlugin, InterleavedShadingPlugin,
-    RadianceCachePlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
+    AvgPlugin, CssmPlugin, GiComposePlugin, GiForwardPlugin, GiScenePlugin, HistoryPlugin, InterleavedShadingPlugin,
+    ProbeVolumePlugin, RadianceCachePlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
 };
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.
@@ -20,6 +20,7 @@ use crate::{
 /// | [`AvgPlugin`] | voxel grid | nothing bounces |
 /// | [`VplPlugin`] | virtual point lights | nothing bounces |
 /// | [`ShadowAtlasPlugin`] | what virtual point lights see | they see by rays through the grid |
+/// | [`ProbeVolumePlugin`] | bounced light on transparent and forward-rendered surfaces | none there |
 /// | [`InterleavedShadingPlugin`] | indirect light per pixel | nothing bounces |
 /// | [`SsbcPlugin`] | gives back what bounding took from the indirect light | corners are darker |
 /// | [`RadianceCachePlugin`] | glossy light; `Technique::RadianceCache` | neither |
@@ -28,16 +29,31 @@ use crate::{
 /// | [`GiComposePlugin`] | into the picture | Bevy's own picture |
 #[derive(Default)]
 pub struct GlobalIlluminationPlugins {
-    _private: (),
+    forward: bool,
+}
+
+impl GlobalIlluminationPlugins {
+    /// For apps that stay forward: Bevy draws opaque materials as it does by itself, with MSAA, and lights them; bounced light comes from
+    /// the volume of light probes alone. It costs no more the larger the picture, and is only as fine as the probes:
+    /// [`GiSettings::probes`](crate::GiSettings::probes). Neither bias compensation nor glossy light nor baked objects, and
+    /// [`GiIsolate`](crate::GiIsolate) does nothing.
+    pub fn forward() -> Self {
+        Self { forward: true }
+    }
 }
 
 impl PluginGroup for GlobalIlluminationPlugins {
     fn build(self) -> PluginGroupBuilder {
-        PluginGroupBuilder::start::<Self>()
+        let group = PluginGroupBuilder::start::<Self>()
             .add(GiScenePlugin)
             .add(AvgPlugin)
             .add(VplPlugin)
             .add(ShadowAtlasPlugin)
+            .add(ProbeVolumePlugin);
+        if self.forward {
+            return group.add(GiForwardPlugin);
+        }
+        group
             .add(InterleavedShadingPlugin)
             .add(SsbcPlugin)
             .add(RadianceCachePlugin)
@@ -65,6 +81,8 @@ pub enum GiSystems {
     VplTrace,
     /// Their shadow maps are drawn.
     ShadowAtlas,
+    /// The volume of light probes is lit.
+    Probes,
     /// The voxels are lit, and their light is filtered.
     VoxelLight,
     /// Texels of baked objects are lit.
@@ -88,6 +106,7 @@ pub(crate) fn configure_stages(render_app: &mut SubApp) {
                 GiSystems::Voxelize,
                 GiSystems::VplTrace,
                 GiSystems::ShadowAtlas,
+                GiSystems::Probes,
                 GiSystems::VoxelLight,
                 GiSystems::Cssm,
             )

@@ -9,8 +9,9 @@ use crate::{CssmSettings, GiIsolate, RadianceCacheSettings, SsbcSettings};
 
 /// Lights what this camera sees with bounced light, right in every frame.
 ///
-/// Brings along what it needs: HDR, black ambient light and, for history, motion vectors; hands back what it found when it is removed. Every `Camera3d`
-/// of the app is deferred, without MSAA, and stays so.
+/// Brings along what it needs: HDR, black ambient light and, for history, motion vectors; hands back what it found when it is
+/// removed. Every `Camera3d` of the app is deferred, without MSAA, and stays so; with
+/// [`GlobalIlluminationPlugins::forward`](crate::GlobalIlluminationPlugins::forward) it brings black ambient light alone.
 #[derive(Component, ExtractComponent, Reflect, Clone, Debug, Default, PartialEq)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 #[require(GiIsolate)]
@@ -80,6 +81,10 @@ pub struct GiSettings {
     /// gives back what a low one takes, as far as the camera sees it.
     #[reflect(@0.01..=100.0_f32)]
     pub bound: f32,
+    /// Light probes along the scene's longest axis, for what is not in the G-buffer: transparent and forward-rendered surfaces.
+    /// 0 for none, or 4 to 64. Their light is as fine as they are near each other; cost and memory grow with the cube.
+    #[reflect(@0..=64_u32)]
+    pub probes: u32,
     /// Pixels at which bounced light is shaded.
     pub resolution: Resolution,
     /// Compensation of what the bounded geometry term takes from corners.
@@ -128,8 +133,8 @@ const HISTORY: u32 = 8;
 const MAX_LIT_GRID: u32 = 128;
 
 impl Technique {
-    /// Whether it needs the voxel grid.
-    fn uses_grid(self) -> bool {
+    /// Whether it needs the voxel grid and virtual point lights.
+    pub(crate) fn uses_grid(self) -> bool {
         matches!(self, Self::InstantRadiosity | Self::RadianceCache)
     }
 }
@@ -210,13 +215,14 @@ impl Default for GiSettings {
 impl Quality {
     /// The values this quality stands for, within the documented ranges.
     pub fn settings(&self) -> GiSettings {
-        let preset = |grid, vpls, tile, resolution, iterations, error| GiSettings {
+        let preset = |grid, vpls, tile, probes, resolution, iterations, error| GiSettings {
             grid,
             vpls,
             bounces: 12,
             visibility: VplVisibility::Atlas,
             tile,
             bound: 1.0,
+            probes,
             resolution,
             ssbc: SsbcSettings { iterations, ..default() },
             cssm: CssmSettings { error, ..default() },
@@ -224,10 +230,10 @@ impl Quality {
             history: HISTORY,
         };
         match *self {
-            Quality::Low => preset(32, 256, 24, Resolution::Half, 1, 32.0),
-            Quality::Medium => preset(64, 1024, 32, Resolution::Full, 1, 16.0),
-            Quality::High => preset(96, 4096, 32, Resolution::Full, 2, 8.0),
-            Quality::Ultra => preset(128, 8192, 48, Resolution::Full, 2, 4.0),
+            Quality::Low => preset(32, 256, 24, 16, Resolution::Half, 1, 32.0),
+            Quality::Medium => preset(64, 1024, 32, 20, Resolution::Full, 1, 16.0),
+            Quality::High => preset(96, 4096, 32, 20, Resolution::Full, 2, 8.0),
+            Quality::Ultra => preset(128, 8192, 48, 24, Resolution::Full, 2, 4.0),
             Quality::Custom(custom) => GiSettings {
                 grid: custom.grid.clamp(8, 256),
                 vpls: custom.vpls.clamp(16, 65536),
@@ -235,6 +241,7 @@ impl Quality {
                 visibility: custom.visibility,
                 tile: custom.tile.clamp(8, 48) & !3,
                 bound: if custom.bound.is_finite() { custom.bound.clamp(0.01, 100.0) } else { 1.0 },
+                probes: if custom.probes == 0 { 0 } else { custom.probes.clamp(4, 64) },
                 resolution: custom.resolution,
                 ssbc: custom.ssbc.clamped(),
                 cssm: custom.cssm.clamped(),
@@ -265,6 +272,7 @@ pub(crate) fn extract_world_settings(
             visibility: a.visibility.max(b.visibility),
             tile: a.tile.max(b.tile),
             bound: a.bound.min(b.bound),
+            probes: a.probes.max(b.probes),
             resolution: a.resolution,
             ssbc: a.ssbc,
             cssm: a.cssm,

@@ -6,6 +6,7 @@ mod buddha_box;
 mod build;
 mod cornell;
 mod office;
+mod see_through;
 mod showroom;
 mod u_room;
 
@@ -14,5 +15,6 @@ pub use buddha_box::BuddhaBoxPlugin;
 pub use build::{Builder, Walls};
 pub use cornell::{Block, CornellBox, CornellPlugin, Panel, Surface};
 pub use office::OfficePlugin;
+pub use see_through::SeeThroughPlugin;
 pub use showroom::ShowroomPlugin;
 pub use u_room::URoomPlugin;

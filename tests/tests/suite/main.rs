@@ -15,6 +15,7 @@ mod panel;
 mod paths;
 mod pictures;
 mod pipelines;
+mod probes;
 mod radiance_cache;
 mod sampling;
 mod settle;

@@ -25,8 +25,8 @@ const QUEUE_ENTRIES: u64 = MAX_WORKGROUPS as u64;
 const MAX_CELLS: u64 = (1 << 22) - 1;
 /// Steps of the voxel size in a doubling: the size is a function of the scene's bounds alone, and changes seldom.
 const SIZE_STEPS: f32 = 16.0;
-/// Where the grid's planes lie within a voxel, so that the round numbers walls stand at are not on them.
-const PHASE: Vec3 = Vec3::new(0.37, 0.31, 0.43);
+/// Where a lattice lies within its steps, so that the round numbers walls stand at are not on it.
+pub(crate) const PHASE: Vec3 = Vec3::new(0.37, 0.31, 0.43);
 
 /// The voxel grid on the GPU.
 #[derive(Resource)]

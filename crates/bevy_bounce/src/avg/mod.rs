@@ -34,7 +34,7 @@ use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 
-pub(crate) use grid::{VoxelGrid, prepare_grid};
+pub(crate) use grid::{PHASE, VoxelGrid, prepare_grid};
 pub(crate) use pipelines::{bind_grid, grid_layout};
 pub(crate) use triangles::{TriangleGroups, TriangleRun};
 

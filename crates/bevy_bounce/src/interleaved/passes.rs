@@ -7,13 +7,13 @@ use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 
 use super::pipelines::InterleavedPipelines;
-use crate::avg::{VoxelGrid, bind_grid};
+use crate::Technique;
+use crate::avg::VoxelGrid;
 use crate::compute::whole;
 use crate::settings::GiWorldSettings;
-use crate::shadow_atlas::{ShadowAtlas, bind_atlas};
+use crate::shadow_atlas::{ShadowAtlas, bind_visibility};
 use crate::view::{GiView, ViewTextures};
 use crate::vpl::VplBuffers;
-use crate::{Technique, VplVisibility};
 
 /// Edge of a tile of texels of one sub-image, times the edge of the 4x4 blocks.
 const TILE_TEXELS: u32 = 8 * 4;
@@ -39,14 +39,10 @@ pub(super) fn shade(
     let (Some(view_buffer), Some(grid_uniform)) = (view_uniforms.uniforms.buffer(), grid.uniform.binding()) else {
         return;
     };
-    let atlas_group = atlas.and_then(|atlas| bind_atlas(&atlas, ctx.render_device(), &cache));
-    let (visibility, visibility_group) = match (gi.settings.visibility, atlas_group) {
-        (VplVisibility::None, _) => (VplVisibility::None, None),
-        (VplVisibility::Ism | VplVisibility::Atlas, Some(group)) => (VplVisibility::Atlas, Some(group)),
-        _ => {
-            let Some(group) = bind_grid(&grid, ctx.render_device(), &cache) else { return };
-            (VplVisibility::Voxel, Some(group))
-        }
+    let Some((visibility, visibility_group)) =
+        bind_visibility(gi.settings.visibility, atlas.as_deref(), &grid, ctx.render_device(), &cache)
+    else {
+        return;
     };
     let view_uniform = BindingResource::Buffer(BufferBinding {
         buffer: view_buffer,

@@ -8,6 +8,8 @@ use bevy::render::render_resource::{BindGroup, BindGroupLayoutDescriptor, Pipeli
 use bevy::render::renderer::RenderDevice;
 
 use super::prepare::ShadowAtlas;
+use crate::VplVisibility;
+use crate::avg::{VoxelGrid, bind_grid};
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout, whole};
 
 /// Kernels in the order they run.
@@ -25,9 +27,25 @@ pub(crate) fn atlas_layout() -> BindGroupLayoutDescriptor {
 }
 
 /// See [`atlas_layout`].
-pub(crate) fn bind_atlas(atlas: &ShadowAtlas, device: &RenderDevice, cache: &PipelineCache) -> Option<BindGroup> {
+fn bind_atlas(atlas: &ShadowAtlas, device: &RenderDevice, cache: &PipelineCache) -> Option<BindGroup> {
     let resources = [atlas.parameters.binding()?, whole(&atlas.atlas)];
     Some(bind_group(device, cache, &atlas_layout(), &resources))
+}
+
+/// What virtual lights see by, of what is asked for and what is there; and group 1 of the kernels that look it up. Without maps
+/// they see by rays through the grid.
+pub(crate) fn bind_visibility(
+    asked: VplVisibility,
+    atlas: Option<&ShadowAtlas>,
+    grid: &VoxelGrid,
+    device: &RenderDevice,
+    cache: &PipelineCache,
+) -> Option<(VplVisibility, Option<BindGroup>)> {
+    match (asked, atlas.and_then(|atlas| bind_atlas(atlas, device, cache))) {
+        (VplVisibility::None, _) => Some((VplVisibility::None, None)),
+        (VplVisibility::Ism | VplVisibility::Atlas, Some(group)) => Some((VplVisibility::Atlas, Some(group))),
+        _ => Some((VplVisibility::Voxel, Some(bind_grid(grid, device, cache)?))),
+    }
 }
 
 pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {

@@ -50,6 +50,7 @@ fn settings(random: &mut Rng) -> GiSettings {
         visibility: one_of(random, &[None, Voxel, Ism, Atlas]),
         tile: random.u32(0..60),
         bound: float(random, 0.01, 10.0),
+        probes: one_of(random, &[0, 0, 1, 8, 14]),
         resolution: resolution(random),
         ssbc: SsbcSettings {
             iterations: random.u32(0..4),

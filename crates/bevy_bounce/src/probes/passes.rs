@@ -1,0 +1,82 @@
+//! Place the faces, light them, fill the volume.
+
+use bevy::prelude::*;
+use bevy::render::diagnostic::RecordDiagnostics;
+use bevy::render::render_asset::RenderAssets;
+use bevy::render::render_resource::{BindingResource, PipelineCache};
+use bevy::render::renderer::RenderContext;
+use bevy::render::texture::GpuImage;
+
+use super::extract::ExtractedProbes;
+use super::pipelines::ProbePipelines;
+use super::prepare::ProbeBuffers;
+use crate::avg::{VoxelGrid, bind_grid};
+use crate::compute::{folded, whole};
+use crate::settings::GiWorldSettings;
+use crate::shadow_atlas::ShadowAtlas;
+use crate::shadow_atlas::bind_visibility;
+use crate::vpl::VplBuffers;
+
+/// Threads of a workgroup, a face each.
+const GROUP: u32 = 64;
+
+pub(super) fn light_probes(
+    settings: Res<GiWorldSettings>,
+    extracted: Res<ExtractedProbes>,
+    pipelines: Option<Res<ProbePipelines>>,
+    probes: Option<Res<ProbeBuffers>>,
+    vpl: Option<Res<VplBuffers>>,
+    grid: Option<Res<VoxelGrid>>,
+    atlas: Option<Res<ShadowAtlas>>,
+    images: Res<RenderAssets<GpuImage>>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (Some(_), Some(asked), Some(p), Some(probes), Some(vpl), Some(grid)) =
+        (settings.0, extracted.0, pipelines, probes, vpl, grid)
+    else {
+        return;
+    };
+    let Some(image) = images.get(asked.image).filter(|image| {
+        let size = image.texture_descriptor.size;
+        UVec3::new(size.width, size.height, size.depth_or_array_layers) == asked.volume.texels()
+    }) else {
+        return;
+    };
+    let (Some(parameters), Some(grid_uniform)) = (probes.parameters.binding(), grid.uniform.binding()) else { return };
+    let device = ctx.render_device().clone();
+    let Some(grid_group) = bind_grid(&grid, &device, &cache) else { return };
+    let Some((visibility, visibility_group)) =
+        bind_visibility(asked.volume.visibility, atlas.as_deref(), &grid, &device, &cache)
+    else {
+        return;
+    };
+    let light = p.light(visibility);
+    let place_group = p.place.bind(&device, &cache, &[parameters.clone(), whole(&probes.places)]);
+    let light_group = light.bind(
+        &device,
+        &cache,
+        &[
+            parameters.clone(),
+            whole(&probes.places),
+            whole(&vpl.header),
+            whole(&vpl.vpls),
+            whole(&probes.light),
+            grid_uniform,
+            whole(&vpl.densities),
+        ],
+    );
+    let output = BindingResource::TextureView(&image.texture_view);
+    let fill_group = p.fill.bind(&device, &cache, &[parameters, whole(&probes.places), whole(&probes.light), output]);
+
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = ctx.command_encoder();
+    let span = diagnostics.time_span(encoder, "bounce/probes");
+    let groups = folded(probes.faces().div_ceil(GROUP));
+    p.place.dispatch(encoder, &cache, &[&place_group, &grid_group], groups);
+    let with_visibility: Vec<_> = std::iter::once(&light_group).chain(&visibility_group).collect();
+    light.dispatch(encoder, &cache, &with_visibility, groups);
+    p.fill.dispatch(encoder, &cache, &[&fill_group], groups);
+    span.end(encoder);
+}
