@@ -17,8 +17,9 @@
 //! # Cost
 //!
 //! Six sums over all virtual lights a probe, of which each sees about half: 25 million lookups at 20^3 probes and 1024 lights. It
-//! does not depend on the picture's size. Nothing persists from frame to frame but where the volume lies: it follows the scene's bounds, in
-//! whole steps, two frames behind where rendering is pipelined.
+//! does not depend on the picture's size, and there is none in frames in which no view draws anything by a forward shader.
+//! Nothing persists from frame to frame but where the volume lies: it follows the scene's bounds, in whole steps, two frames
+//! behind where rendering is pipelined.
 //!
 //! # What it cannot do
 //!
@@ -31,6 +32,7 @@ mod forward;
 mod passes;
 mod pipelines;
 mod prepare;
+mod receivers;
 mod volume;
 
 use bevy::app::SubApp;

@@ -10,6 +10,7 @@ use bevy::render::texture::GpuImage;
 use super::extract::ExtractedProbes;
 use super::pipelines::ProbePipelines;
 use super::prepare::ProbeBuffers;
+use super::receivers::ForwardDraws;
 use crate::avg::{VoxelGrid, bind_grid};
 use crate::compute::{folded, whole};
 use crate::settings::GiWorldSettings;
@@ -29,6 +30,7 @@ pub(super) fn light_probes(
     grid: Option<Res<VoxelGrid>>,
     atlas: Option<Res<ShadowAtlas>>,
     images: Res<RenderAssets<GpuImage>>,
+    receivers: ForwardDraws,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
@@ -37,6 +39,9 @@ pub(super) fn light_probes(
     else {
         return;
     };
+    if !receivers.any() {
+        return;
+    }
     let Some(image) = images.get(asked.image).filter(|image| {
         let size = image.texture_descriptor.size;
         UVec3::new(size.width, size.height, size.depth_or_array_layers) == asked.volume.texels()
