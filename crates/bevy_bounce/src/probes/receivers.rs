@@ -1,7 +1,8 @@
 //! Whether anything reads the volume this frame.
 
-use bevy::core_pipeline::core_3d::{AlphaMask3d, Opaque3d, Transmissive3d, Transparent3d};
+use bevy::core_pipeline::core_3d::{AlphaMask3d, Opaque3d, Transparent3d};
 use bevy::ecs::system::SystemParam;
+use bevy::pbr::Transmissive3d;
 use bevy::prelude::*;
 use bevy::render::render_phase::{BinnedPhaseItem, SortedPhaseItem, ViewBinnedRenderPhases, ViewSortedRenderPhases};
 
