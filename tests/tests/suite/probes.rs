@@ -10,7 +10,7 @@ use bevy::pbr::{ExtendedMaterial, MaterialExtension};
 use bevy::prelude::*;
 use bevy::render::render_resource::{AsBindGroup, Extent3d, TextureDimension, TextureFormat};
 use bevy_bounce::{
-    GiIsolate, GiSettings, GlobalIllumination, ProbeVolume, Quality, SsbcSettings, Technique, VplVisibility, gpu_memory,
+    GiIsolate, GiSettings, GlobalIllumination, ProbeVolume, Quality, Technique, VplVisibility, gpu_memory,
 };
 use bevy_bounce_examples::scenes::{Builder, CornellBox, CornellPlugin, Walls};
 use bevy_bounce_tests::eye::Eye;
@@ -173,11 +173,11 @@ fn assert_alike(name: &str, found: &Picture, expected: &Picture) {
     let within = errors.iter().filter(|error| error.abs() < 0.15).count();
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
     println!("{name}: {within} of {} within 15 %, mean {mean:+.3}", errors.len());
-    assert!(within >= 48 && mean.abs() < 0.05, "{name}: {within} within 15 %, mean {mean}");
+    assert!(within >= 49 && mean.abs() < 0.05, "{name}: {within} within 15 %, mean {mean}");
 }
 
-/// Of fifty points, those that are farther off lie within the distance between probes of the edges of a block, on one side
-/// of which there is another light: what is interpolated knows no edges.
+/// Of fifty points one is farther off: the foot of a block in shadow, where much of the light in the G-buffer is bias
+/// compensation, which probes have none of.
 #[test]
 fn what_is_not_in_the_g_buffer_is_lit_like_what_is() {
     let mut stage = stage(SIZE, medium(), false);
@@ -373,7 +373,6 @@ fn volumes_of_the_game_win() {
 
 /// Between walls that emit evenly, every place is lit alike, by probes as by pixels.
 #[test]
-#[ignore = "not run to its end yet: with rays through the grid it took minutes on a software adapter"]
 fn a_furnace_is_even() {
     let (emitted, albedo) = (10.0, 0.5);
     let furnace = move |app: &mut App| {
@@ -395,11 +394,6 @@ fn a_furnace_is_even() {
     // Nothing hides anything within a box.
     let visibility = VplVisibility::None;
     let settings = GiSettings { grid: 64, vpls: 1024, bounces: 12, probes: 12, visibility, ..SMALL };
-    let compensated = GiSettings { ssbc: SsbcSettings { iterations: 3, ..default() }, ..settings };
-    let mut deferred = stage_of(FEW_SIZE, compensated, false, furnace);
-    show(&mut deferred, GiIsolate::Indirect);
-    let pixels = settled(&mut deferred, compensated).mean_luminance();
-    drop(deferred);
     let mut forward = stage_of(FEW_SIZE, settings, true, furnace);
     let lit = settled(&mut forward, settings);
     let light = minus(&lit, &settled(&mut forward, SMALL));
@@ -407,7 +401,7 @@ fn a_furnace_is_even() {
     let spread = light.pixels.iter().map(|pixel| (luminance(*pixel) / mean - 1.0).powi(2)).sum::<f64>();
     let spread = (spread / light.pixels.len() as f64).sqrt();
     let expected = f64::from(emitted * albedo / (1.0 - albedo));
-    println!("of the closed form: pixels {:.4}, probes {:.4}; spread {spread:.4}", pixels / expected, mean / expected);
-    assert!((mean / pixels - 1.0).abs() < 0.05, "{mean} by probes, {pixels} by pixels");
+    println!("{:.4} of the closed form; spread {spread:.4}", mean / expected);
+    assert!((mean / expected - 1.0).abs() < 0.05, "{mean} by probes instead of {expected}");
     assert!(spread < 0.1, "{spread} of the light is uneven");
 }
