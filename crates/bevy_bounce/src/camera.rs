@@ -240,7 +240,7 @@ mod tests {
     fn a_forward_app_loses_its_ambient_light_alone() {
         let mut app = App::new();
         app.add_systems(Update, prepare_cameras::<false>);
-        let camera = app.world_mut().spawn((Camera3d::default(), GlobalIllumination::default())).id();
+        let camera = app.world_mut().spawn((Camera3d::default(), Msaa::Sample4, GlobalIllumination::default())).id();
         app.update();
         let entity = app.world().entity(camera);
         assert_eq!(entity.get::<AmbientLight>().map(|ambient| ambient.brightness), Some(0.0));

@@ -82,7 +82,8 @@ pub struct GiSettings {
     #[reflect(@0.01..=100.0_f32)]
     pub bound: f32,
     /// Light probes along the scene's longest axis, for what is not in the G-buffer: transparent and forward-rendered surfaces.
-    /// 0 for none, or 4 to 64. Their light is as fine as they are near each other; cost and memory grow with the cube.
+    /// 0 for none, or 4 to 64. Their light is as fine as they are near each other; cost and memory grow with the cube. In frames
+    /// without such surfaces they cost no time.
     #[reflect(@0..=64_u32)]
     pub probes: u32,
     /// Pixels at which bounced light is shaded.
