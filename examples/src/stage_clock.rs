@@ -66,7 +66,8 @@ impl Plugin for StageClockPlugin {
                     world(Some("scene")).after(GiSystems::Scene).before(GiSystems::Voxelize),
                     world(Some("voxelize")).after(GiSystems::Voxelize).before(GiSystems::VplTrace),
                     world(Some("vpl_trace")).after(GiSystems::VplTrace).before(GiSystems::ShadowAtlas),
-                    world(Some("shadow_atlas")).after(GiSystems::ShadowAtlas).before(GiSystems::VoxelLight),
+                    world(Some("shadow_atlas")).after(GiSystems::ShadowAtlas).before(GiSystems::Probes),
+                    world(Some("probes")).after(GiSystems::Probes).before(GiSystems::VoxelLight),
                     world(Some("voxel_light")).after(GiSystems::VoxelLight),
                 ),
             )
@@ -77,7 +78,8 @@ impl Plugin for StageClockPlugin {
                     view(Some("gbuffer")).after(ViewPass::Surface).before(ViewPass::Direct),
                     view(Some("direct")).after(ViewPass::Direct).before(ViewPass::Shade),
                     view(Some("interleaved")).after(ViewPass::Shade).before(ViewPass::Compensate),
-                    view(Some("ssbc")).after(ViewPass::Compensate).before(ViewPass::Compose),
+                    view(Some("ssbc")).after(ViewPass::Compensate).before(ViewPass::History),
+                    view(Some("history")).after(ViewPass::History).before(ViewPass::Compose),
                     view(Some("compose")).after(ViewPass::Compose).before(main_opaque_pass_3d),
                 ),
             );

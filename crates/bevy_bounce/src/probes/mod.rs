@@ -17,7 +17,8 @@
 //! # Cost
 //!
 //! Six sums over all virtual lights a probe, of which each sees about half: 25 million lookups at 20^3 probes and 1024 lights. It
-//! does not depend on the picture's size, and there is none in frames in which no view draws anything by a forward shader.
+//! does not depend on the picture's size, and there is none in frames in which no view draws anything by a forward shader. On a
+//! software adapter that is five times what `interleaved` takes at 640x360: `see_through --size 640x360 --stats`.
 //! Nothing persists from frame to frame but where the volume lies: it follows the scene's bounds, in whole steps, two frames
 //! behind where rendering is pipelined.
 //!
