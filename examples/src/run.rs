@@ -10,7 +10,8 @@ use bevy_bounce::{
 };
 
 use crate::options::{
-    FilterOption, IsolateOption, QualityOption, ResolutionOption, ShowOption, Switch, TechniqueOption, VisibilityOption,
+    FilterOption, IsolateOption, QualityOption, ResolutionOption, ShowOption, Sky, Switch, TechniqueOption,
+    VisibilityOption,
 };
 use crate::{Error, Options};
 
@@ -37,6 +38,8 @@ pub struct Run {
     pub stats: Option<PathBuf>,
     /// With the panel open.
     pub panel: bool,
+    /// Constant sky.
+    pub sky: Option<Sky>,
     /// Forward, with MSAA: bounced light from light probes alone.
     pub forward: bool,
     /// Without this project's plugins.
@@ -80,16 +83,14 @@ impl Options {
             webgpu_limits: self.webgpu_limits,
             stats: self.stats.clone(),
             panel: self.panel,
+            sky: self.sky,
             forward: self.forward,
             plain_bevy: self.plain_bevy,
         })
     }
 
     fn reject_unbuilt(&self) -> Result<(), Error> {
-        let unbuilt = [
-            (self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try atlas"),
-            (self.sky.is_some(), "--sky"),
-        ];
+        let unbuilt = [(self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try atlas")];
         unbuilt.into_iter().find(|(asked, _)| *asked).map_or(Ok(()), |(_, what)| Err(Error::NotBuilt(what)))
     }
 

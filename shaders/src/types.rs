@@ -92,11 +92,13 @@ pub const LIGHT_POINT: u32 = 0;
 pub const LIGHT_SPOT: u32 = 1;
 /// [`Light::kind`]: directional light.
 pub const LIGHT_DIRECTIONAL: u32 = 2;
+/// [`Light::kind`]: rect light.
+pub const LIGHT_RECT: u32 = 3;
 
-/// A punctual light.
+/// A light of Bevy's, or a direction of the sky.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Light {
-    /// World position; unused for a directional light.
+    /// World position, of a rect light its middle; unused for a directional light.
     pub position: Vec3,
     /// `LIGHT_*`.
     pub kind: u32,
@@ -104,7 +106,7 @@ pub struct Light {
     pub direction: Vec3,
     /// Distance beyond which it does not reach; 0 for none.
     pub range: f32,
-    /// Linear RGB, candela (point, spot) or lux (directional).
+    /// Linear RGB, candela (point, spot), lux (directional) or cd/m^2 (rect).
     pub color: Vec3,
     /// Share of the paths, sum of it over this light and those before it, in lumens (luminance).
     pub cumulative_power: f32,
@@ -116,6 +118,10 @@ pub struct Light {
     pub spot_cos_outer: f32,
     /// Longest path from this light, in bounces.
     pub max_bounces: u32,
+    /// From the middle of a rect light to that of a side, world units.
+    pub side: Vec3,
+    /// Half its extent across that, world units.
+    pub half_height: f32,
 }
 
 /// Sizes of the scene, for every pass.
@@ -123,7 +129,7 @@ pub struct Light {
 pub struct Scene {
     /// Corner of the bounds of all that takes part.
     pub bounds_min: Vec3,
-    /// Lights.
+    /// Bevy's lights; those of the sky follow them in the same table.
     pub light_count: u32,
     /// Opposite corner.
     pub bounds_max: Vec3,
@@ -135,8 +141,26 @@ pub struct Scene {
     pub emissive_chunk_count: u32,
     /// Largest component of the radiance that any material emits, cd/m^2.
     pub max_emission: f32,
-    /// Keeps rows of 16 bytes.
-    pub padding: u32,
+    /// Directional lights that stand for the sky.
+    pub sky_count: u32,
+}
+
+/// Edge of the sky's table, in texels of an octahedral map.
+pub const SKY_EDGE: u32 = 32;
+
+/// The cube map that is the sky, and what it is made into.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Sky {
+    /// Quaternion that turns directions of the world into those of the map.
+    pub rotation: Vec4,
+    /// Radiance of a texel of 1, cd/m^2.
+    pub intensity: f32,
+    /// Samples along the edge of a texel of the table.
+    pub samples: u32,
+    /// Longest path from the sky, in bounces.
+    pub max_bounces: u32,
+    /// Scales its share of the paths.
+    pub share: f32,
 }
 
 /// A skinned or morphed instance whose pose changed.

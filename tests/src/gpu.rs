@@ -311,6 +311,16 @@ impl Resources {
         self
     }
 
+    /// Adds a cube map with one mip; faces in the order +x, -x, +y, -y, +z, -z.
+    pub fn cube(mut self, name: &str, format: wgpu::TextureFormat, edge: u32, bytes: &[u8]) -> Self {
+        self = self.texture(name, format, [edge, edge, 6], false, bytes);
+        if let Some(Resource::Texture(texture, view)) = self.by_name.get_mut(name) {
+            let dimension = Some(wgpu::TextureViewDimension::Cube);
+            *view = texture.create_view(&wgpu::TextureViewDescriptor { dimension, ..Default::default() });
+        }
+        self
+    }
+
     /// Adds a 2D texture of zeros, and each of its mip levels under a name of its own.
     pub fn mips(mut self, name: &str, format: wgpu::TextureFormat, size: [u32; 2], levels: &[&str]) -> Self {
         let texture = self.gpu.device.create_texture(&wgpu::TextureDescriptor {

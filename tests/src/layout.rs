@@ -43,6 +43,7 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         DeformJob,
         DeformChunk,
         ThumbnailJob,
+        Sky,
         Path,
         Digit,
         Occluder,

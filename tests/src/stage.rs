@@ -24,6 +24,7 @@ pub const SMALL: GiSettings = GiSettings {
     tile: 24,
     bound: 1.0,
     probes: 0,
+    sky: 64,
     resolution: Resolution::Full,
     ssbc: SsbcSettings::OFF,
     cssm: CssmSettings::DEFAULT,
@@ -146,6 +147,7 @@ pub fn run(size: UVec2, illumination: Option<GlobalIllumination>) -> Run {
         webgpu_limits: webgpu_limits(),
         stats: None,
         panel: false,
+        sky: None,
         forward: false,
         plain_bevy: false,
     }

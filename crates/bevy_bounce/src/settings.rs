@@ -86,6 +86,13 @@ pub struct GiSettings {
     /// without such surfaces they cost no time.
     #[reflect(@0..=64_u32)]
     pub probes: u32,
+    /// Directions from which the sky's light comes, for the whole picture: 0 to 256, a multiple of 16. The sky is what the camera's
+    /// `EnvironmentMapLight` shows, also one that Bevy makes of its atmosphere; without one, its `Skybox`. Its light is then shadowed by
+    /// the scene and bounces, and takes the place of Bevy's diffuse light by environment maps; their reflections stay. 0 leaves all to Bevy. Each pixel sends
+    /// a sixteenth of so many rays through the voxel grid; more make its shadows smoother. Not with
+    /// [`Technique::SurfaceRadiosity`].
+    #[reflect(@0..=256_u32)]
+    pub sky: u32,
     /// Pixels at which bounced light is shaded.
     pub resolution: Resolution,
     /// Compensation of what the bounded geometry term takes from corners.
@@ -103,7 +110,7 @@ pub struct GiSettings {
 }
 
 /// Pixels at which something is computed.
-#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[reflect(Default)]
 pub enum Resolution {
     /// Each.
@@ -190,7 +197,7 @@ impl GiSettings {
 }
 
 /// What a virtual point light can see.
-#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[reflect(Default)]
 pub enum VplVisibility {
     /// Everything: no shadows in the bounced light. Fast, and it leaks.
@@ -216,7 +223,7 @@ impl Default for GiSettings {
 impl Quality {
     /// The values this quality stands for, within the documented ranges.
     pub fn settings(&self) -> GiSettings {
-        let preset = |grid, vpls, tile, probes, resolution, iterations, error| GiSettings {
+        let preset = |grid, vpls, tile, probes, sky, resolution, iterations, error| GiSettings {
             grid,
             vpls,
             bounces: 12,
@@ -224,6 +231,7 @@ impl Quality {
             tile,
             bound: 1.0,
             probes,
+            sky,
             resolution,
             ssbc: SsbcSettings { iterations, ..default() },
             cssm: CssmSettings { error, ..default() },
@@ -231,10 +239,10 @@ impl Quality {
             history: HISTORY,
         };
         match *self {
-            Quality::Low => preset(32, 256, 24, 16, Resolution::Half, 1, 32.0),
-            Quality::Medium => preset(64, 1024, 32, 20, Resolution::Full, 1, 16.0),
-            Quality::High => preset(96, 4096, 32, 20, Resolution::Full, 2, 8.0),
-            Quality::Ultra => preset(128, 8192, 48, 24, Resolution::Full, 2, 4.0),
+            Quality::Low => preset(32, 256, 24, 16, 32, Resolution::Half, 1, 32.0),
+            Quality::Medium => preset(64, 1024, 32, 20, 64, Resolution::Full, 1, 16.0),
+            Quality::High => preset(96, 4096, 32, 20, 128, Resolution::Full, 2, 8.0),
+            Quality::Ultra => preset(128, 8192, 48, 24, 256, Resolution::Full, 2, 4.0),
             Quality::Custom(custom) => GiSettings {
                 grid: custom.grid.clamp(8, 256),
                 vpls: custom.vpls.clamp(16, 65536),
@@ -243,6 +251,7 @@ impl Quality {
                 tile: custom.tile.clamp(8, 48) & !3,
                 bound: if custom.bound.is_finite() { custom.bound.clamp(0.01, 100.0) } else { 1.0 },
                 probes: if custom.probes == 0 { 0 } else { custom.probes.clamp(4, 64) },
+                sky: (custom.sky.min(256) + 15) & !15,
                 resolution: custom.resolution,
                 ssbc: custom.ssbc.clamped(),
                 cssm: custom.cssm.clamped(),
@@ -274,6 +283,7 @@ pub(crate) fn extract_world_settings(
             tile: a.tile.max(b.tile),
             bound: a.bound.min(b.bound),
             probes: a.probes.max(b.probes),
+            sky: a.sky.max(b.sky),
             resolution: a.resolution,
             ssbc: a.ssbc,
             cssm: a.cssm,

@@ -1,7 +1,7 @@
 // Direct light by Bevy's own lighting and shadow functions, and its diffuse part once more by itself.
 //
 // This is `apply_pbr_lighting` of bevy_pbr/src/render/pbr_functions.wgsl for the deferred G-buffer, without what bounced light
-// replaces (ambient light, irradiance volumes) and without emission, which `compose.wgsl` adds. Both targets are pre-exposed.
+// replaces (ambient light, irradiance volumes, of environment maps the diffuse part) and without emission, which `compose.wgsl` adds. Both targets are pre-exposed.
 
 #import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color}
 #import bevy_pbr::clustered_forward as clustering
@@ -173,7 +173,12 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
 
 #ifdef ENVIRONMENT_MAP
     let environment = environment_map::environment_map_light(&input, &ranges, false);
+#ifdef SKY
+    // The sky's diffuse light is with what bounces.
+    var environment_light = vec3<f32>(0.0);
+#else
     var environment_light = environment.diffuse * surface.diffuse_occlusion;
+#endif
 #ifdef SCREEN_SPACE_REFLECTIONS
     // Screen-space reflections add the specular part where they run.
     let roughness = surface.material.perceptual_roughness;

@@ -1,4 +1,5 @@
-// Bounced light at a point: a sum over virtual lights, with a bounded geometry term and their visibility.
+// Bounced light at a point: a sum over virtual lights, with a bounded geometry term and their visibility. Where there is a sky,
+// its light straight from there, too.
 //
 // Cost: about 30 operations a light; besides a ray, or the lookup of a depth, where visibility asks for it.
 
@@ -10,6 +11,9 @@
 #import bevy_bounce::interleaved::surface::Surface
 #ifdef VISIBILITY_VOXEL
 #import bevy_bounce::shared::rays::{grid, trace, to_grid, Ray}
+#endif
+#ifdef SKY
+#import bevy_bounce::interleaved::sky::sky_light
 #endif
 #ifdef VISIBILITY_ATLAS
 #import bevy_bounce::shadow_atlas::lookup::atlas_visible
@@ -61,12 +65,22 @@ fn gather(surface: Surface, first: u32, end: u32) -> vec3<f32> {
     return light / (PI * PI);
 }
 
-/// The same from a subset, which stands for all.
-fn gather_subset(surface: Surface, subset: u32) -> vec3<f32> {
-    return f32(SUBSETS) * gather(surface, header.subset_start[subset], header.subset_start[subset + 1u]);
+// The same straight from one of `step` directions of the sky, which stands for all.
+fn gather_sky(surface: Surface, first: u32, step: u32) -> vec3<f32> {
+#ifdef SKY
+    return sky_light(surface.position, surface.normal, surface.normal, SURFACE_GAP, first, step);
+#else
+    return vec3<f32>(0.0);
+#endif
 }
 
-/// The same from all lights.
+/// The same from a subset of both, which stands for all.
+fn gather_subset(surface: Surface, subset: u32) -> vec3<f32> {
+    let lights = gather(surface, header.subset_start[subset], header.subset_start[subset + 1u]);
+    return f32(SUBSETS) * lights + gather_sky(surface, subset, SUBSETS);
+}
+
+/// The same from all.
 fn gather_all(surface: Surface) -> vec3<f32> {
-    return gather(surface, 0u, header.count);
+    return gather(surface, 0u, header.count) + gather_sky(surface, 0u, 1u);
 }

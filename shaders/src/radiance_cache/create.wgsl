@@ -11,6 +11,9 @@
 #import bevy_bounce::radiance_cache::cone::{grid, march_cone, Start}
 #import bevy_bounce::radiance_cache::hemisphere::{square_to_hemisphere, from_cache}
 #import bevy_bounce::radiance_cache::lobes::lobe_weight
+#ifdef SKY
+#import bevy_bounce::shared::sky::sky_texel
+#endif
 #import bevy_bounce::radiance_cache::types::{
     RadianceCache, CacheCounters, cache_corner, level_corner, CACHE_EDGE, CACHE_COARSE_EDGE,
 }
@@ -18,7 +21,14 @@
 @group(0) @binding(0) var<storage, read> counters: CacheCounters;
 @group(0) @binding(1) var<storage, read> caches: array<RadianceCache>;
 @group(0) @binding(2) var atlas: texture_storage_2d<rgba16float, write>;
+#ifdef SKY
+// The sky, radiance, cd/m^2; and the radiance that counts as 1.
+@group(0) @binding(3) var<storage, read> table: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> unit: array<f32>;
+#endif
 
+/// Of what a half float holds, with a margin.
+const BRIGHTEST: f32 = 6e4;
 const TEXELS: u32 = 256u;
 const COARSE_TEXELS: u32 = 64u;
 /// Diameter over distance of a cone of a 256th of the hemisphere: twice the tangent of acos(1 - 1/256).
@@ -53,7 +63,12 @@ fn create(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     let cache = caches[index];
     let direction = texel_direction(lane, CACHE_EDGE);
     let start = Start((cache.position - grid.origin) / grid.voxel_size, cache.normal);
-    let light = march_cone(start, LIFT, from_cache(cache.normal, direction), SPREAD);
+    let cone = from_cache(cache.normal, direction);
+    var light = march_cone(start, LIFT, cone, SPREAD);
+#ifdef SKY
+    let sky = min(table[sky_texel(cone)].rgb / unit[0], vec3<f32>(BRIGHTEST));
+    light = vec4<f32>(light.rgb + sky * (1.0 - light.a), light.a);
+#endif
     radiance[lane] = light;
     directions[lane] = direction;
     let corner = cache_corner(index);

@@ -1,18 +1,20 @@
-// Light that falls on each cell of the grid: of Bevy's lights by a shadow ray to each, and of a sixteenth of the virtual lights,
-// which stand for emissive surfaces and for all further bounces. Rehfeld, Zirr and Dachsbacher 2014, 3.1, "Voxel
+// Light that falls on each cell of the grid: of Bevy's lights by a shadow ray to each, of a sixteenth of the sky's directions,
+// and of a sixteenth of the virtual lights, which stand for emissive surfaces and for all further bounces. Rehfeld, Zirr and Dachsbacher 2014, 3.1, "Voxel
 // Illumination"; shadow rays meet the planes of the grid's cells, where the paper's cones meet the opacity of voxels.
 //
 // Which sixteenth follows from the voxel's place, such that any 4x4 voxels of a plane have all sixteen: `volume.wgsl` takes
 // their mean.
 //
-// Cost: one thread a cell; a ray through the grid for each light that it faces, and for a sixteenth of the virtual lights.
+// Cost: one thread a cell; a ray through the grid for each light that it faces (four for a rect light), and for a sixteenth of the
+// sky's directions and of the virtual lights.
 
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{cell_plane, cell_area}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, cells, trace, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::PI
-#import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL}
+#import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
+#import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT}
 #import bevy_bounce::radiance_cache::types::LightVolume
 #import bevy_bounce::vpl::bound::geometry_bound
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS}
@@ -48,20 +50,27 @@ fn is_seen(receiver: Receiver, direction: vec3<f32>, distance: f32, end_normal: 
     return !trace(ray).found;
 }
 
-// Bevy's window: 1 near the light, 0 at its range. Karis 2013, "Real Shading in Unreal Engine 4".
-fn range_window(range: f32, square: f32) -> f32 {
-    if range <= 0.0 {
-        return 1.0;
+fn from_rect_light(receiver: Receiver, light: Light) -> vec3<f32> {
+    var sum = 0.0;
+    for (var part = 0u; part < RECT_PARTS * RECT_PARTS; part++) {
+        let way = rect_part(light, part) - receiver.position;
+        let form_factor = rect_part_form_factor(light, way, receiver.normal);
+        if form_factor > 0.0 {
+            let distance = length(way);
+            sum += select(0.0, form_factor, is_seen(receiver, way / distance, distance, light.direction));
+        }
     }
-    let f = square / (range * range);
-    let window = clamp(1.0 - f * f, 0.0, 1.0);
-    return window * window;
+    let middle = light.position - receiver.position;
+    return light.color * (sum * range_window(light.range, dot(middle, middle)));
 }
 
 fn from_light(receiver: Receiver, light: Light) -> vec3<f32> {
     var direction = -light.direction;
     var distance = 1e6 * grid.voxel_size;
     var strength = 1.0;
+    if light.kind == LIGHT_RECT {
+        return from_rect_light(receiver, light);
+    }
     if light.kind != LIGHT_DIRECTIONAL {
         let way = light.position - receiver.position;
         let square = max(dot(way, way), 1e-12);
@@ -71,8 +80,7 @@ fn from_light(receiver: Receiver, light: Light) -> vec3<f32> {
         let near = 0.25 * grid.voxel_size * grid.voxel_size;
         strength = range_window(light.range, square) / max(square, near);
         if light.kind == LIGHT_SPOT {
-            let cone = clamp(-dot(direction, light.direction) * light.spot_scale + light.spot_offset, 0.0, 1.0);
-            strength *= cone * cone;
+            strength *= spot_window(light, -direction);
         }
     }
     strength *= max(dot(receiver.normal, direction), 0.0);
@@ -80,6 +88,15 @@ fn from_light(receiver: Receiver, light: Light) -> vec3<f32> {
         return vec3<f32>(0.0);
     }
     return light.color * strength;
+}
+
+// One of so many of the sky's directions, which stands for all.
+fn from_sky(receiver: Receiver, first: u32, step: u32) -> vec3<f32> {
+    var sum = vec3<f32>(0.0);
+    for (var i = first; i < scene.sky_count; i += step) {
+        sum += from_light(receiver, lights[scene.light_count + i]);
+    }
+    return sum * f32(step);
 }
 
 fn from_virtual_lights(receiver: Receiver, subset: u32) -> vec3<f32> {
@@ -121,7 +138,9 @@ fn light_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
         }
         if volume.further != 0u {
             let subset = ((voxel.x + voxel.z) & 3u) + 4u * ((voxel.y + voxel.z) & 3u);
-            further = from_virtual_lights(receiver, subset);
+            further = from_virtual_lights(receiver, subset) + from_sky(receiver, subset, SUBSETS);
+        } else {
+            direct += from_sky(receiver, 0u, 1u);
         }
     }
     irradiance[2u * index] = vec4<f32>(direct, 0.0);

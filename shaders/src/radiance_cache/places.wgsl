@@ -6,7 +6,7 @@
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{Grid, voxel_count, voxel_facings, CELL_MASK}
 #import bevy_bounce::shared::sampling::PI
-#import bevy_bounce::shared::scene::{Scene, CHUNK_TRIANGLES}
+#import bevy_bounce::shared::scene::{Light, Scene, CHUNK_TRIANGLES}
 #import bevy_bounce::vpl::types::Emitter
 
 @group(0) @binding(0) var<uniform> grid: Grid;
@@ -17,6 +17,7 @@
 @group(0) @binding(4) var<storage, read_write> places: array<u32>;
 // Radiance that counts as 1, cd/m^2.
 @group(0) @binding(5) var<storage, read_write> unit: array<f32>;
+@group(0) @binding(6) var<storage, read> lights: array<Light>;
 
 const PLACE_VALID: u32 = 0x80000000u;
 
@@ -41,6 +42,9 @@ fn measure_unit() {
     var power = scene.light_power;
     if scene.emissive_chunk_count > 0u {
         power += emitters[scene.emissive_chunk_count * CHUNK_TRIANGLES - 1u].cumulative_power;
+    }
+    if scene.sky_count > 0u {
+        power += lights[scene.light_count + scene.sky_count - 1u].cumulative_power;
     }
     let size = scene.bounds_max - scene.bounds_min;
     let area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);

@@ -10,8 +10,8 @@
 }
 #import bevy_bounce::vpl::types::Vpl
 
-@group(1) @binding(0) var<uniform> parameters: AtlasParameters;
-@group(1) @binding(1) var<storage, read> atlas: array<u32>;
+@group(2) @binding(0) var<uniform> parameters: AtlasParameters;
+@group(2) @binding(1) var<storage, read> atlas: array<u32>;
 
 /// Distance behind the plane for which a point still counts as on it, as a share of its distance from where the texel was
 /// sampled: the error of a normal of 16 bits, and some curvature.

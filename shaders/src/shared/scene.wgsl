@@ -21,6 +21,7 @@ const INSTANCE_FLIPPED: u32 = 2u;
 const LIGHT_POINT: u32 = 0u;
 const LIGHT_SPOT: u32 = 1u;
 const LIGHT_DIRECTIONAL: u32 = 2u;
+const LIGHT_RECT: u32 = 3u;
 
 struct Instance {
     world_from_local_x: vec4<f32>,
@@ -64,6 +65,8 @@ struct Light {
     spot_offset: f32,
     spot_cos_outer: f32,
     max_bounces: u32,
+    side: vec3<f32>,
+    half_height: f32,
 }
 
 struct Scene {
@@ -74,7 +77,7 @@ struct Scene {
     chunk_count: u32,
     emissive_chunk_count: u32,
     max_emission: f32,
-    padding: u32,
+    sky_count: u32,
 }
 
 /// Where a mesh's UV falls in the material's textures.

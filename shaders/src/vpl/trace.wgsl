@@ -8,12 +8,13 @@
 // Cost: one thread a path; a ray through the grid a bounce, and up to sixteen before for a path from a directional light.
 
 #import bevy_bounce::shared::grid::{Cell, brick_at}
+#import bevy_bounce::shared::lights::{range_window, spot_window, rect_area, rect_point}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, cells, trace, to_grid, to_world, Ray, Hit}
 #import bevy_bounce::shared::sampling::{
     sample_square, cosine_direction, cone_direction, disk_point, triangle_point, any_tangent, PI,
 }
-#import bevy_bounce::shared::scene::{Light, Scene, LIGHT_POINT, LIGHT_SPOT, LIGHT_DIRECTIONAL, CHUNK_TRIANGLES}
+#import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT, CHUNK_TRIANGLES}
 #import bevy_bounce::vpl::types::{
     Vpl, Path, Emitter, VplParameters, MET, BRICK_WORDS, BRICK_VERTICES, SETTLE_RANGE, vertex_slot, pack_incoming,
 }
@@ -53,8 +54,9 @@ struct Photon {
     direction: vec3<f32>,
     // Lumens.
     flux: vec3<f32>,
-    // Inverse square of the distance at which the light ends, 1/m^2; 0 for none.
-    inverse_square_range: f32,
+    // Of the light, and how far from it the light ends; 0 for no end.
+    center: vec3<f32>,
+    range: f32,
     max_bounces: u32,
     on_surface: bool,
 }
@@ -66,10 +68,18 @@ fn emissive_power() -> f32 {
     return emitters[scene.emissive_chunk_count * CHUNK_TRIANGLES - 1u].cumulative_power;
 }
 
-// The first light whose running sum lies beyond `power`.
-fn find_light(power: f32) -> u32 {
-    var low = 0u;
-    var high = scene.light_count - 1u;
+// Of all directions of the sky, whose running sum begins anew.
+fn sky_power() -> f32 {
+    if scene.sky_count == 0u {
+        return 0.0;
+    }
+    return lights[scene.light_count + scene.sky_count - 1u].cumulative_power;
+}
+
+// The first of some lights whose running sum lies beyond `power`.
+fn find_light(power: f32, first: u32, count: u32) -> u32 {
+    var low = first;
+    var high = first + count - 1u;
     while low < high {
         let middle = (low + high) / 2u;
         if lights[middle].cumulative_power > power {
@@ -95,10 +105,11 @@ fn find_emitter(power: f32) -> u32 {
     return low;
 }
 
-fn start_at_light(index: u32, path: u32, total: f32) -> Photon {
+// `first`: where its running sum begins.
+fn start_at_light(index: u32, first: u32, path: u32, total: f32) -> Photon {
     let light = lights[index];
     var before = 0.0;
-    if index > 0u {
+    if index > first {
         before = lights[index - 1u].cumulative_power;
     }
     let weight = total / max(light.cumulative_power - before, 1e-30);
@@ -108,17 +119,22 @@ fn start_at_light(index: u32, path: u32, total: f32) -> Photon {
     photon.normal = vec3<f32>(0.0);
     photon.max_bounces = light.max_bounces;
     photon.on_surface = false;
-    if light.range > 0.0 {
-        photon.inverse_square_range = 1.0 / (light.range * light.range);
-    }
+    photon.center = light.position;
+    photon.range = light.range;
     switch light.kind {
         case LIGHT_SPOT: {
             photon.direction = cone_direction(light.direction, square, light.spot_cos_outer);
-            let cone = clamp(dot(photon.direction, light.direction) * light.spot_scale + light.spot_offset, 0.0, 1.0);
-            photon.flux = light.color * (2.0 * PI * (1.0 - light.spot_cos_outer) * cone * cone * weight);
+            let solid_angle = 2.0 * PI * (1.0 - light.spot_cos_outer);
+            photon.flux = light.color * (solid_angle * spot_window(light, photon.direction) * weight);
         }
         case LIGHT_DIRECTIONAL: {
             start_directional(&photon, light, path, weight);
+        }
+        case LIGHT_RECT: {
+            photon.position = rect_point(light, sample_square(path, DIMENSION_POSITION));
+            photon.normal = light.direction;
+            photon.direction = cosine_direction(light.direction, square);
+            photon.flux = light.color * (PI * rect_area(light) * weight);
         }
         default: {
             photon.direction = cone_direction(vec3<f32>(0.0, 0.0, 1.0), square, -1.0);
@@ -220,13 +236,6 @@ fn start_at_emitter(index: u32, path: u32, total: f32) -> Photon {
     return photon;
 }
 
-// Bevy's window: 1 near the light, 0 at its range. Karis 2013, "Real Shading in Unreal Engine 4".
-fn range_window(inverse_square_range: f32, distance: f32) -> f32 {
-    let f = distance * distance * inverse_square_range;
-    let window = clamp(1.0 - f * f, 0.0, 1.0);
-    return window * window;
-}
-
 fn store(path: u32, index: u32, bounce_met: u32, photon: Photon, incoming: u32) {
     atomicAdd(&bricks[brick_at(grid, to_grid(photon.position)) * BRICK_WORDS + BRICK_VERTICES], 1u);
     vertices[vertex_slot(parameters, path, index)] =
@@ -263,11 +272,12 @@ fn follow(path: u32, start: Photon) -> u32 {
         if square.x >= survival {
             break;
         }
-        if bounce == 1u {
-            photon.flux *= range_window(photon.inverse_square_range, hit.t * grid.voxel_size);
-        }
         photon.flux *= albedo / survival;
         photon.position = to_world(ray.origin + ray.direction * hit.t);
+        if bounce == 1u {
+            let way = photon.position - photon.center;
+            photon.flux *= range_window(photon.range, dot(way, way));
+        }
         photon.normal = decode_unit(cell.normal);
         // Where the last one's light goes is not looked at.
         let onward = select(0u, MET, bounce == bounces);
@@ -285,7 +295,7 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let emissive = emissive_power();
-    let total = scene.light_power + emissive;
+    let total = scene.light_power + emissive + sky_power();
     if total <= 0.0 {
         paths[path] = Path(0u, 0u, 0u);
         return;
@@ -293,9 +303,13 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     let pick = sample_square(path, DIMENSION_LIGHT).x * total;
     var photon: Photon;
     if scene.light_count > 0u && pick < scene.light_power {
-        photon = start_at_light(find_light(pick), path, total);
-    } else {
+        photon = start_at_light(find_light(pick, 0u, scene.light_count), 0u, path, total);
+    } else if pick < scene.light_power + emissive {
         photon = start_at_emitter(find_emitter(pick - scene.light_power), path, total);
+    } else {
+        let sky = scene.light_count;
+        let index = find_light(pick - scene.light_power - emissive, sky, scene.sky_count);
+        photon = start_at_light(index, sky, path, total);
     }
     let count = follow(path, photon);
     paths[path] = Path(count, select(1u, 0u, photon.on_surface), 0u);

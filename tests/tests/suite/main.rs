@@ -21,6 +21,7 @@ mod sampling;
 mod settle;
 mod shaders;
 mod shadow_atlas;
+mod sky;
 mod soak;
 mod sort;
 mod ssbc;

@@ -5,8 +5,8 @@ use std::f32::consts::PI;
 
 use bevy::math::{Affine3A, Quat, Vec3};
 use bevy_bounce_shaders::types::{
-    BRICK_WORDS, Grid, HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light, Path, SUBSETS, Vpl, VplHeader,
-    VplParameters,
+    BRICK_WORDS, Grid, HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPOT, Light, Path, SUBSETS, Vpl,
+    VplHeader, VplParameters,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -193,6 +193,35 @@ fn a_spot_lights_its_cone() {
         let angle = (vertex.position - Vec3::new(0.0, 2.0, 0.0)).normalize().dot(direction).acos();
         assert!(angle < outer + 0.02, "light {angle} off the axis of a cone of {outer}");
     }
+}
+
+#[test]
+fn a_rect_light_shines_to_one_side_from_all_of_its_area() {
+    let mut scene = room(Vec3::splat(0.5));
+    let (middle, direction) = (Vec3::new(0.2, 2.0, 0.1), Vec3::new(0.6, -0.8, 0.0));
+    let side = 0.5 * Vec3::new(0.8, 0.6, 0.0);
+    let half_height = 0.25;
+    let radiance = 100.0;
+    let lumens = PI * radiance * 4.0 * side.length() * half_height;
+    scene.lights.push(Light {
+        position: middle,
+        kind: LIGHT_RECT,
+        direction,
+        color: Vec3::splat(radiance),
+        cumulative_power: lumens,
+        side,
+        half_height,
+        max_bounces: u32::MAX,
+        ..Default::default()
+    });
+    let traced = Traced::new(&scene, 0.11, 1);
+    assert_flux(&traced.flux(), 1, Vec3::splat(lumens * 0.5), 0.03);
+    // Seen from it, light falls within a half space; the mean of its cosine is 2/3.
+    let ways: Vec<Vec3> = traced.all().map(|vertex| vertex.position - middle).collect();
+    let behind = ways.iter().filter(|way| way.dot(direction) < -0.05).count();
+    assert_eq!(behind, 0, "light behind the panel");
+    let mean = ways.iter().map(|way| way.normalize().dot(direction)).sum::<f32>() / ways.len() as f32;
+    assert!((mean - 2.0 / 3.0).abs() < 0.03, "mean cosine {mean}");
 }
 
 #[test]

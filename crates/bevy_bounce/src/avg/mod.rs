@@ -35,7 +35,7 @@ use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 
 pub(crate) use grid::{PHASE, VoxelGrid, prepare_grid};
-pub(crate) use pipelines::{bind_grid, grid_layout};
+pub(crate) use pipelines::{bind_grid, bind_sky, grid_layout, sky_layout};
 pub(crate) use triangles::{TriangleGroups, TriangleRun};
 
 /// Builds the voxel grid; see the [module](self).

@@ -10,6 +10,7 @@ use bevy::render::renderer::RenderDevice;
 use super::grid::VoxelGrid;
 use super::triangles::TriangleRun;
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout, whole};
+use crate::scene::SceneBuffers;
 
 /// Kernels in the order they run.
 #[derive(Resource)]
@@ -71,6 +72,24 @@ fn kernel(
     bindings: &[BindGroupLayoutEntryBuilder],
 ) -> Kernel {
     Kernel::new(cache, shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
+}
+
+/// The same with the scene and its lights, of kernels that look at the sky. See `interleaved/sky.wgsl`.
+pub(crate) fn sky_layout() -> BindGroupLayoutDescriptor {
+    let (uniform, read) = (uniform_buffer_sized(false, None), storage_buffer_read_only_sized(false, None));
+    group_layout("bounce_grid_and_sky", &[uniform, read, read, uniform, read])
+}
+
+/// The grid and the sky as group 1.
+pub(crate) fn bind_sky(
+    grid: &VoxelGrid,
+    scene: &SceneBuffers,
+    device: &RenderDevice,
+    cache: &PipelineCache,
+) -> Option<BindGroup> {
+    let resources =
+        [grid.uniform.binding()?, whole(&grid.voxels), whole(&grid.cells), scene.uniform()?, whole(&scene.lights)];
+    Some(bind_group(device, cache, &sky_layout(), &resources))
 }
 
 /// The grid as group 1 of a kernel that sends rays.

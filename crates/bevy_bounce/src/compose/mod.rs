@@ -99,6 +99,7 @@ impl Plugin for GiComposePlugin {
                 (
                     pipelines::prepare_compose_pipelines
                         .in_set(RenderSystems::Prepare)
+                        .after(GiSystems::PrepareScene)
                         .before(prepare_deferred_lighting_pipelines),
                     masked::draw_masked_surfaces_once
                         .after(RenderSystems::PrepareAssets)

@@ -16,9 +16,10 @@ use bevy::render::render_resource::{
 use bevy::render::view::{ExtractedView, ViewUniform};
 use bevy::shader::{Shader, ShaderDefVal};
 
-use crate::GiIsolate;
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, has_failed};
+use crate::scene::SceneBuffers;
 use crate::view::GiView;
+use crate::{GiIsolate, Technique};
 
 /// Bindings of Bevy's view layout that are there only with the Cargo feature of that name; Bevy tells it no other way.
 const PCSS_BINDING: u32 = 4;
@@ -39,11 +40,36 @@ pub(super) struct ComposePipelines {
     compose_shader: Handle<Shader>,
 }
 
+/// What of Bevy's light by environment maps bounced light replaces.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(super) enum Sky {
+    /// Nothing: it has none.
+    Bevys,
+    /// The diffuse part.
+    Diffuse,
+    /// All.
+    All,
+}
+
+impl Sky {
+    /// What a view's technique replaces where there is a sky.
+    fn of(technique: Technique) -> Self {
+        match technique {
+            Technique::InstantRadiosity => Self::Diffuse,
+            Technique::RadianceCache => Self::All,
+            Technique::None | Technique::SurfaceRadiosity => Self::Bevys,
+        }
+    }
+}
+
 /// A fragment pass over the view.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
 pub(super) enum Pass {
     /// Direct light.
-    Direct,
+    Direct {
+        /// What of Bevy's light by environment maps bounced light replaces.
+        sky: Sky,
+    },
     /// Into the picture, with bounced light or without.
     Compose {
         /// With bounced light.
@@ -170,14 +196,19 @@ impl SpecializedRenderPipeline for ComposePipelines {
         if let Pass::Compose { glossy: true, .. } | Pass::Isolate { glossy: true } = pass {
             shader_defs.push("COMPOSE_GLOSSY".into());
         }
+        match pass {
+            Pass::Direct { sky: Sky::Diffuse } => shader_defs.push("SKY".into()),
+            Pass::Direct { sky: Sky::All } => shader_defs.retain(|def| *def != ShaderDefVal::from("ENVIRONMENT_MAP")),
+            _ => {}
+        }
         let (label, shader, entry_point, group_layout) = match pass {
-            Pass::Direct => ("bounce_direct", &self.direct_shader, "fragment", &self.direct_layout),
+            Pass::Direct { .. } => ("bounce_direct", &self.direct_shader, "fragment", &self.direct_layout),
             Pass::Compose { .. } => ("bounce_compose", &self.compose_shader, "compose", &self.compose_layout),
             Pass::Isolate { .. } => ("bounce_isolate", &self.compose_shader, "isolate_indirect", &self.compose_layout),
         };
         let target = |format| Some(ColorTargetState { format, blend: None, write_mask: ColorWrites::ALL });
         let (vertex, targets, depth_stencil) = match pass {
-            Pass::Direct => {
+            Pass::Direct { .. } => {
                 let half = TextureFormat::Rgba16Float;
                 (self.fullscreen.to_vertex_state(), vec![target(half), target(half)], None)
             }
@@ -227,6 +258,7 @@ pub(super) fn prepare_compose_pipelines(
     keys: Res<ViewKeyCache>,
     pipelines: Res<ComposePipelines>,
     mut specialized: ResMut<SpecializedRenderPipelines<ComposePipelines>>,
+    scene: Option<Res<SceneBuffers>>,
     views: Query<
         (Entity, &GiView, &ExtractedView, Has<DeferredLightingPipeline>),
         (With<DepthPrepass>, With<DeferredPrepass>),
@@ -240,8 +272,13 @@ pub(super) fn prepare_compose_pipelines(
         }
         let glossy = gi.settings.radiance_cache.glossy;
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, (key, pass));
+        // Both, so that a sky may come and go from one frame to the next.
+        let without = pipeline(Pass::Direct { sky: Sky::Bevys });
+        let has_map = key.contains(MeshPipelineKey::ENVIRONMENT_MAP);
+        let with_sky = if has_map { pipeline(Pass::Direct { sky: Sky::of(gi.technique) }) } else { without };
+        let sky = gi.settings.sky > 0 && scene.as_ref().is_some_and(|scene| scene.sky_count() > 0);
         let view_pipelines = ViewPipelines {
-            direct: pipeline(Pass::Direct),
+            direct: if sky { with_sky } else { without },
             compose: pipeline(Pass::Compose { indirect: gi.isolate != GiIsolate::Direct, glossy }),
             isolate: gi.isolate.is_bounced_light_alone().then(|| pipeline(Pass::Isolate { glossy })),
         };

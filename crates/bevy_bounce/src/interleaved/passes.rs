@@ -6,10 +6,11 @@ use bevy::render::render_resource::{BindingResource, BufferBinding, PipelineCach
 use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 
-use super::pipelines::InterleavedPipelines;
+use super::pipelines::{InterleavedPipelines, PassesKey};
 use crate::Technique;
 use crate::avg::VoxelGrid;
-use crate::compute::whole;
+use crate::compute::{GiShaders, whole};
+use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::shadow_atlas::{ShadowAtlas, bind_visibility};
 use crate::view::{GiView, ViewTextures};
@@ -23,24 +24,29 @@ const GROUP: u32 = 8;
 pub(super) fn shade(
     view: ViewQuery<(&GiView, &ViewTextures, &ViewUniformOffset)>,
     settings: Res<GiWorldSettings>,
-    pipelines: Option<Res<InterleavedPipelines>>,
+    pipelines: Option<ResMut<InterleavedPipelines>>,
+    shaders: Res<GiShaders>,
     view_uniforms: Res<ViewUniforms>,
     vpl: Option<Res<VplBuffers>>,
     grid: Option<Res<VoxelGrid>>,
     atlas: Option<Res<ShadowAtlas>>,
+    scene: Option<Res<SceneBuffers>>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
     let (gi, textures, offset) = view.into_inner();
-    let (Some(_), Some(p), Some(vpl), Some(grid)) = (settings.0, pipelines, vpl, grid) else { return };
+    let (Some(_), Some(mut p), Some(vpl), Some(grid), Some(scene)) = (settings.0, pipelines, vpl, grid, scene) else {
+        return;
+    };
     if gi.technique != Technique::InstantRadiosity {
         return;
     }
     let (Some(view_buffer), Some(grid_uniform)) = (view_uniforms.uniforms.buffer(), grid.uniform.binding()) else {
         return;
     };
-    let Some((visibility, visibility_group)) =
-        bind_visibility(gi.settings.visibility, atlas.as_deref(), &grid, ctx.render_device(), &cache)
+    let sky = (scene.sky_count() > 0 && gi.settings.sky > 0).then_some(&*scene);
+    let Some((visibility, see_groups)) =
+        bind_visibility(gi.settings.visibility, atlas.as_deref(), &grid, sky, ctx.render_device(), &cache)
     else {
         return;
     };
@@ -49,7 +55,8 @@ pub(super) fn shade(
         offset: offset.offset.into(),
         size: Some(ViewUniform::min_size()),
     });
-    let passes = p.passes(visibility, gi.settings.resolution);
+    let key = PassesKey { visibility, resolution: gi.settings.resolution, sky: sky.is_some() };
+    let passes = p.passes(key, &cache, &shaders);
     let device = ctx.render_device().clone();
     let bindings = |output| {
         [
@@ -74,7 +81,7 @@ pub(super) fn shade(
     let span = diagnostics.time_span(encoder, "bounce/interleaved");
     let pixels_a_texel = gi.settings.resolution.pixels_a_texel();
     let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE_TEXELS * pixels_a_texel)) * 4;
-    let with = |group| std::iter::once(group).chain(&visibility_group).collect::<Vec<_>>();
+    let with = |group| std::iter::once(group).chain(&see_groups).collect::<Vec<_>>();
     passes.shade.dispatch(encoder, &cache, &with(&shade_group), tiles.extend(1));
     let groups = UVec3::from((textures.size.map(|pixels| pixels.div_ceil(GROUP)), 1));
     let rows = groups.with_y(textures.size.y.div_ceil(GROUP * pixels_a_texel));

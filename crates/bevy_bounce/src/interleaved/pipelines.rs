@@ -1,5 +1,6 @@
 //! Kernels of the interleaved shading and their bindings.
 
+use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, texture_2d, texture_storage_2d, uniform_buffer_sized,
@@ -7,17 +8,35 @@ use bevy::render::render_resource::binding_types::{
 use bevy::render::render_resource::{PipelineCache, StorageTextureAccess, TextureFormat, TextureSampleType};
 use bevy::shader::ShaderDefVal;
 
-use crate::avg::grid_layout;
 use crate::compute::{GiShaders, Kernel, KernelDescriptor};
-use crate::shadow_atlas::atlas_layout;
+use crate::shadow_atlas::visibility_layouts;
 use crate::{Resolution, VplVisibility};
 
-/// Kernels of the interleaved shading.
-#[derive(Resource)]
-pub(super) struct InterleavedPipelines {
-    full: [Passes; 3],
-    half: [Passes; 3],
+/// What the kernels are specialised for.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(super) struct PassesKey {
+    pub visibility: VplVisibility,
+    pub resolution: Resolution,
+    /// Light straight from the sky, too.
+    pub sky: bool,
 }
+
+impl PassesKey {
+    fn defs(self) -> Vec<ShaderDefVal> {
+        let visibility = match self.visibility {
+            VplVisibility::None => None,
+            VplVisibility::Voxel => Some("VISIBILITY_VOXEL"),
+            VplVisibility::Ism | VplVisibility::Atlas => Some("VISIBILITY_ATLAS"),
+        };
+        let half = (self.resolution == Resolution::Half).then_some("HALF_RESOLUTION");
+        let sky = self.sky.then_some("SKY");
+        [visibility, half, sky].into_iter().flatten().map(ShaderDefVal::from).collect()
+    }
+}
+
+/// Kernels of the interleaved shading, made when they are first asked for.
+#[derive(Resource, Default)]
+pub(super) struct InterleavedPipelines(HashMap<PassesKey, Passes>);
 
 /// What runs in a view.
 pub(super) struct Passes {
@@ -27,46 +46,36 @@ pub(super) struct Passes {
 }
 
 impl InterleavedPipelines {
-    /// The kernels of that visibility at that resolution.
-    pub fn passes(&self, visibility: VplVisibility, resolution: Resolution) -> &Passes {
-        let [none, voxel, atlas] = match resolution {
-            Resolution::Full => &self.full,
-            Resolution::Half => &self.half,
-        };
-        match visibility {
-            VplVisibility::None => none,
-            VplVisibility::Voxel => voxel,
-            VplVisibility::Ism | VplVisibility::Atlas => atlas,
-        }
+    /// The kernels of that key.
+    pub fn passes(&mut self, key: PassesKey, cache: &PipelineCache, shaders: &GiShaders) -> &Passes {
+        self.0.entry(key).or_insert_with(|| Passes::new(key, cache, shaders))
     }
 }
 
-pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
-    let uniform = uniform_buffer_sized(false, None);
-    let read = storage_buffer_read_only_sized(false, None);
-    let surface = texture_2d(TextureSampleType::Uint);
-    let light = texture_2d(TextureSampleType::Float { filterable: false });
-    let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
-    // View; surface; header, list; result; grid, densities; light so far.
-    let shade = [uniform, surface, read, read, output, uniform, read];
-    let filter = [uniform, surface, read, read, output, uniform, read, light];
-    let passes = |resolution: &[ShaderDefVal], visibility: &[ShaderDefVal], groups: &[_]| {
+impl Passes {
+    fn new(key: PassesKey, cache: &PipelineCache, shaders: &GiShaders) -> Self {
+        let uniform = uniform_buffer_sized(false, None);
+        let read = storage_buffer_read_only_sized(false, None);
+        let surface = texture_2d(TextureSampleType::Uint);
+        let light = texture_2d(TextureSampleType::Float { filterable: false });
+        let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
+        // View; surface; header, list; result; grid, densities; light so far.
+        let shade = [uniform, surface, read, read, output, uniform, read];
+        let filter = [uniform, surface, read, read, output, uniform, read, light];
+        let groups = visibility_layouts(key.visibility, key.sky);
         let kernel = |path, entry, bindings: &[_]| {
-            let defs = [resolution, visibility].concat();
-            Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
+            let descriptor = KernelDescriptor { path, entry, bindings, groups: &groups, defs: key.defs() };
+            Kernel::new(cache, shaders, descriptor)
         };
-        Passes {
+        Self {
             shade: kernel("interleaved/shade.wgsl", "shade", &shade),
             rows: kernel("interleaved/filter.wgsl", "filter_rows", &filter),
             columns: kernel("interleaved/filter.wgsl", "filter_columns", &filter),
         }
-    };
-    let at = |resolution: &[ShaderDefVal]| {
-        [
-            passes(resolution, &[], &[]),
-            passes(resolution, &["VISIBILITY_VOXEL".into()], &[grid_layout()]),
-            passes(resolution, &["VISIBILITY_ATLAS".into()], &[atlas_layout()]),
-        ]
-    };
-    commands.insert_resource(InterleavedPipelines { full: at(&[]), half: at(&["HALF_RESOLUTION".into()]) });
+    }
+}
+
+/// A new device has none of the last one's. For `RenderStartup`.
+pub(super) fn init_pipelines(mut commands: Commands) {
+    commands.insert_resource(InterleavedPipelines::default());
 }

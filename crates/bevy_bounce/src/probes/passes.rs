@@ -11,8 +11,9 @@ use super::extract::ExtractedProbes;
 use super::pipelines::ProbePipelines;
 use super::prepare::ProbeBuffers;
 use super::receivers::ForwardDraws;
-use crate::avg::{VoxelGrid, bind_grid};
+use crate::avg::{VoxelGrid, bind_grid, bind_sky};
 use crate::compute::{folded, whole};
+use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::shadow_atlas::ShadowAtlas;
 use crate::shadow_atlas::bind_visibility;
@@ -29,13 +30,14 @@ pub(super) fn light_probes(
     vpl: Option<Res<VplBuffers>>,
     grid: Option<Res<VoxelGrid>>,
     atlas: Option<Res<ShadowAtlas>>,
+    scene: Option<Res<SceneBuffers>>,
     images: Res<RenderAssets<GpuImage>>,
     receivers: ForwardDraws,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (Some(_), Some(asked), Some(p), Some(probes), Some(vpl), Some(grid)) =
-        (settings.0, extracted.0, pipelines, probes, vpl, grid)
+    let (Some(_), Some(asked), Some(p), Some(probes), Some(vpl), Some(grid), Some(scene)) =
+        (settings.0, extracted.0, pipelines, probes, vpl, grid, scene)
     else {
         return;
     };
@@ -51,8 +53,8 @@ pub(super) fn light_probes(
     let (Some(parameters), Some(grid_uniform)) = (probes.parameters.binding(), grid.uniform.binding()) else { return };
     let device = ctx.render_device().clone();
     let Some(grid_group) = bind_grid(&grid, &device, &cache) else { return };
-    let Some((visibility, visibility_group)) =
-        bind_visibility(asked.volume.visibility, atlas.as_deref(), &grid, &device, &cache)
+    let Some((visibility, see_groups)) =
+        bind_visibility(asked.volume.visibility, atlas.as_deref(), &grid, None, &device, &cache)
     else {
         return;
     };
@@ -71,6 +73,8 @@ pub(super) fn light_probes(
             whole(&vpl.densities),
         ],
     );
+    let sky_group = p.sky.bind(&device, &cache, &[parameters.clone(), whole(&probes.places), whole(&probes.light)]);
+    let grid_and_sky = (scene.sky_count() > 0).then(|| bind_sky(&grid, &scene, &device, &cache)).flatten();
     let output = BindingResource::TextureView(&image.texture_view);
     let fill_group = p.fill.bind(&device, &cache, &[parameters, whole(&probes.places), whole(&probes.light), output]);
 
@@ -80,8 +84,11 @@ pub(super) fn light_probes(
     let span = diagnostics.time_span(encoder, "bounce/probes");
     let groups = folded(probes.faces().div_ceil(GROUP));
     p.place.dispatch(encoder, &cache, &[&place_group, &grid_group], groups);
-    let with_visibility: Vec<_> = std::iter::once(&light_group).chain(&visibility_group).collect();
+    let with_visibility: Vec<_> = std::iter::once(&light_group).chain(&see_groups).collect();
     light.dispatch(encoder, &cache, &with_visibility, groups);
+    if let Some(grid_and_sky) = &grid_and_sky {
+        p.sky.dispatch(encoder, &cache, &[&sky_group, grid_and_sky], groups);
+    }
     p.fill.dispatch(encoder, &cache, &[&fill_group], groups);
     span.end(encoder);
 }

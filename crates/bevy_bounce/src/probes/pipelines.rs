@@ -8,15 +8,16 @@ use bevy::render::render_resource::{PipelineCache, StorageTextureAccess, Texture
 use bevy::shader::ShaderDefVal;
 
 use crate::VplVisibility;
-use crate::avg::grid_layout;
+use crate::avg::{grid_layout, sky_layout};
 use crate::compute::{GiShaders, Kernel, KernelDescriptor};
-use crate::shadow_atlas::atlas_layout;
+use crate::shadow_atlas::visibility_layouts;
 
 /// Kernels in the order they run.
 #[derive(Resource)]
 pub(super) struct ProbePipelines {
     pub place: Kernel,
     light: [Kernel; 3],
+    pub sky: Kernel,
     pub fill: Kernel,
 }
 
@@ -42,15 +43,19 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     };
     // Parameters, places; header, list; light; grid, densities.
     let bindings = [uniform, read, read, read, write, uniform, read];
-    let light =
-        |groups: &[_], defs: &[ShaderDefVal]| kernel("probes/light.wgsl", "gather_probes", &bindings, groups, defs);
+    let light = |visibility, defs: &[ShaderDefVal]| {
+        let groups = visibility_layouts(visibility, false);
+        kernel("probes/light.wgsl", "gather_probes", &bindings, &groups, defs)
+    };
     commands.insert_resource(ProbePipelines {
         place: kernel("probes/place.wgsl", "place", &[uniform, write], &[grid_layout()], &[]),
         light: [
-            light(&[], &[]),
-            light(&[grid_layout()], &["VISIBILITY_VOXEL".into()]),
-            light(&[atlas_layout()], &["VISIBILITY_ATLAS".into()]),
+            light(VplVisibility::None, &[]),
+            light(VplVisibility::Voxel, &["VISIBILITY_VOXEL".into()]),
+            light(VplVisibility::Atlas, &["VISIBILITY_ATLAS".into()]),
         ],
+        // Parameters, places; light.
+        sky: kernel("probes/sky.wgsl", "add_sky", &[uniform, read, write], &[sky_layout()], &[]),
         fill: kernel("probes/fill.wgsl", "fill", &[uniform, read, read, output], &[], &[]),
     });
 }

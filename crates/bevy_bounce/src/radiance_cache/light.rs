@@ -59,6 +59,7 @@ impl Groups {
             whole(&vpl.emitters),
             whole(&light.places),
             whole(&light.unit),
+            whole(&scene.lights),
         ];
         let lit = [
             scene_uniform.clone(),

@@ -15,6 +15,7 @@ use super::volume::VoxelLight;
 use crate::Technique;
 use crate::avg::VoxelGrid;
 use crate::compute::{folded, whole};
+use crate::scene::{SceneBuffers, SkyBuffers};
 use crate::sort::SortPipelines;
 use crate::view::{GiView, ViewTextures};
 
@@ -124,6 +125,8 @@ pub(super) fn light_pixels(
     sort: Option<Res<SortPipelines>>,
     light: Option<Res<VoxelLight>>,
     grid: Option<Res<VoxelGrid>>,
+    scene: Option<Res<SceneBuffers>>,
+    sky: Option<Res<SkyBuffers>>,
     view_uniforms: Res<ViewUniforms>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
@@ -143,8 +146,13 @@ pub(super) fn light_pixels(
     });
     let Some(groups) = Groups::new(&p, held, &textures.surface, &view_uniform, &device, &cache) else { return };
     let Some(volume) = bind_volume(&p, &grid, &light, &device, &cache) else { return };
-    let create = p.create.bind(&device, &cache, &[whole(&held.counters), whole(&held.caches), texture(&held.atlas)]);
     let diffuse = gi.technique == Technique::RadianceCache;
+    // Beside virtual lights, pixels look at the sky by themselves, and what reflects it is Bevy's.
+    let sky = sky.filter(|_| diffuse && gi.settings.sky > 0 && scene.is_some_and(|scene| scene.sky_count() > 0));
+    let create = p.create(sky.is_some());
+    let mut bindings = vec![whole(&held.counters), whole(&held.caches), texture(&held.atlas)];
+    bindings.extend(sky.iter().flat_map(|sky| [whole(&sky.table), whole(&light.unit)]));
+    let create_group = create.bind(&device, &cache, &bindings);
     let evaluate = p.evaluate(diffuse);
     let bindings = [
         view_uniform,
@@ -170,7 +178,7 @@ pub(super) fn light_pixels(
     distribute(&p, &sort, held, &groups, &device, encoder, &cache);
     span.end(encoder);
     let span = diagnostics.time_span(encoder, "bounce/cache_creation");
-    p.create.dispatch(encoder, &cache, &[&create, &volume], folded(held.parameters.get().capacity));
+    create.dispatch(encoder, &cache, &[&create_group, &volume], folded(held.parameters.get().capacity));
     span.end(encoder);
     let span = diagnostics.time_span(encoder, "bounce/cache_evaluation");
     let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE));

@@ -38,7 +38,8 @@ pub(super) struct CachePipelines {
     pub number_clusters: Kernel,
     pub keep: Kernel,
     pub place: Kernel,
-    pub create: Kernel,
+    create: Kernel,
+    create_with_sky: Kernel,
     evaluate_glossy: Kernel,
     evaluate_all: Kernel,
     /// Linear between texels and levels.
@@ -46,6 +47,11 @@ pub(super) struct CachePipelines {
 }
 
 impl CachePipelines {
+    /// The kernel that fills caches: with bounced light alone, or with the sky's too.
+    pub fn create(&self, sky: bool) -> &Kernel {
+        if sky { &self.create_with_sky } else { &self.create }
+    }
+
     /// The kernel that lights pixels: glossy alone, or diffuse too.
     pub fn evaluate(&self, diffuse: bool) -> &Kernel {
         if diffuse { &self.evaluate_all } else { &self.evaluate_glossy }
@@ -84,8 +90,8 @@ pub(super) fn init_light_pipelines(mut commands: Commands, cache: Res<PipelineCa
     };
     // Geometry, instances, materials, thumbnails; grid, scene; chunks, queue; voxels, sums.
     let emission = [read, read, read, read, uniform, uniform, read, write, read, write];
-    // Grid, scene; voxels, emitters; places, unit.
-    let places = [uniform, uniform, read, read, write, write];
+    // Grid, scene; voxels, emitters; places, unit; lights.
+    let places = [uniform, uniform, read, read, write, write, read];
     // Scene; lights, header, list, places; grid, densities; irradiance, volume.
     let light = [uniform, read, read, read, read, uniform, read, write, uniform];
     // Volume, grid, scene; voxels, cells, irradiance, emission, unit; levels.
@@ -129,6 +135,10 @@ pub(super) fn init_cache_pipelines(
     let evaluate = [uniform, uniform, words, words, light, filtering, read, read, read, write, output, output];
     let frames = [uniform, words, write];
     let keys = [uniform, words, read, write, write];
+    // Counters, caches; atlas; sky, unit.
+    let create = [read, read, output, read, read];
+    let creation =
+        |bindings: &[_], defs| kernel("radiance_cache/create.wgsl", "create", bindings, &[volume_layout()], defs);
     let evaluation = |bindings: &[_], defs| kernel("radiance_cache/evaluate.wgsl", "evaluate", bindings, &[], defs);
     commands.insert_resource(CachePipelines {
         choose_axes: kernel("radiance_cache/frame.wgsl", "choose_axes", &frames, &[], vec![]),
@@ -140,7 +150,8 @@ pub(super) fn init_cache_pipelines(
         number_clusters: cluster("number_clusters"),
         keep: kernel("radiance_cache/keep.wgsl", "keep", &keep, &[], vec![]),
         place: kernel("radiance_cache/place.wgsl", "place", &place, &[], vec![]),
-        create: kernel("radiance_cache/create.wgsl", "create", &[read, read, output], &[volume_layout()], vec![]),
+        create: creation(&create[..3], vec![]),
+        create_with_sky: creation(&create, vec!["SKY".into()]),
         evaluate_glossy: evaluation(&evaluate[..11], vec![]),
         evaluate_all: evaluation(&evaluate, vec!["DIFFUSE".into()]),
         sampler: device.create_sampler(&SamplerDescriptor {

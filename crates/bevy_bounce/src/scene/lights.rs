@@ -1,4 +1,7 @@
-//! Point, spot and directional lights, with Bevy's units, cones and ranges.
+//! Point, spot, directional and rect lights, with Bevy's units, cones and ranges.
+//!
+//! Bevy lights by rect lights only with its feature `area_light_luts`; without it they do not bounce either. It gives them no shadows;
+//! their bounced light has what it meets first.
 //!
 //! A light takes part while its `InheritedVisibility` is true and a camera with global illumination shares a layer with
 //! it, in view or not. Lights without output, `GiLight::OFF` ones and those with values that are not finite are left out.
@@ -6,10 +9,11 @@
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
-use bevy::light::{DirectionalLight, PointLight, SpotLight};
+use bevy::light::{DirectionalLight, PointLight, RectLight, SpotLight};
+use bevy::pbr::{MeshPipelineKey, MeshPipelineViewLayoutKey};
 use bevy::prelude::*;
 use bevy::render::Extract;
-use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
+use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPOT, Light};
 
 use super::GiLight;
 use super::bounds::Bounds;
@@ -43,6 +47,7 @@ pub(super) fn extract_lights(
     points: Extract<Query<(Entity, &PointLight, Common)>>,
     spots: Extract<Query<(Entity, &SpotLight, Common)>>,
     directionals: Extract<Query<(Entity, &DirectionalLight, Common)>>,
+    rects: Extract<Query<(Entity, &RectLight, Common)>>,
 ) {
     let lights = &mut extracted.lights;
     lights.clear();
@@ -66,6 +71,11 @@ pub(super) fn extract_lights(
     }
     for (entity, light, common) in &directionals {
         add(entity, common, directional_light(light));
+    }
+    if bevy_has_rect_lights() {
+        for (entity, light, common) in &rects {
+            add(entity, common, rect_light(light, common.0));
+        }
     }
     lights.sort_by_key(|(entity, _)| spawn_order(*entity));
 }
@@ -112,6 +122,26 @@ fn directional_light(light: &DirectionalLight) -> Light {
     Light { kind: LIGHT_DIRECTIONAL, color: light.color.to_linear().to_vec3() * light.illuminance, ..default() }
 }
 
+/// Whether Bevy's shaders know rect lights: it tells by its layouts alone.
+fn bevy_has_rect_lights() -> bool {
+    MeshPipelineViewLayoutKey::from(MeshPipelineKey::NONE).contains(MeshPipelineViewLayoutKey::AREA_LIGHT_LUTS)
+}
+
+/// bevy_pbr's `extract_lights`: lumens over pi and the area, which the scale of its entity changes.
+fn rect_light(light: &RectLight, transform: &GlobalTransform) -> Light {
+    let matrix = transform.affine().matrix3;
+    let half_width = 0.5 * light.width * matrix.x_axis.length();
+    let half_height = 0.5 * light.height * matrix.y_axis.length();
+    Light {
+        kind: LIGHT_RECT,
+        color: light.color.to_linear().to_vec3() * light.intensity / (4.0 * half_width * half_height * PI),
+        range: range(light.range),
+        side: transform.right() * half_width,
+        half_height,
+        ..default()
+    }
+}
+
 /// The light where it stands; `None` if it gives no light, or none that could be computed.
 fn placed(mut light: Light, transform: &GlobalTransform, gi: GiLight) -> Option<ExtractedLight> {
     light.position = transform.translation();
@@ -121,17 +151,19 @@ fn placed(mut light: Light, transform: &GlobalTransform, gi: GiLight) -> Option<
     let shines = light.color.is_finite() && light.color.dot(LUMINANCE) > 0.0;
     let placed = light.position.is_finite() && light.range >= 0.0;
     let cone = light.spot_scale.is_finite() && light.spot_offset.is_finite();
+    let area = light.side.is_finite() && light.half_height.is_finite();
     let weighted = gi.share.is_finite() && gi.share > 0.0 && gi.bounces > 0;
-    (shines && placed && cone && weighted).then_some(ExtractedLight { light, share: gi.share })
+    (shines && placed && cone && area && weighted).then_some(ExtractedLight { light, share: gi.share })
 }
 
 /// Luminous flux by which paths are shared out, lumens: all of a point light's, a spot's within its cone as if it did not
-/// fall off, and what a directional light casts on the box of the scene.
+/// fall off, all of a rect light's, and what a directional light casts on the box of the scene.
 fn power(light: &Light, bounds: &Bounds) -> f32 {
     let luminance = light.color.dot(LUMINANCE);
     match light.kind {
         LIGHT_POINT => luminance * 4.0 * PI,
         LIGHT_SPOT => luminance * 2.0 * PI * (1.0 - light.spot_cos_outer),
+        LIGHT_RECT => luminance * PI * 4.0 * light.side.length() * light.half_height,
         _ => luminance * bounds.projected_area(light.direction),
     }
 }
@@ -203,6 +235,11 @@ mod tests {
         let sun = directional_light(&DirectionalLight { color: white, illuminance: 100.0, ..default() });
         let sun = Light { direction: Vec3::NEG_Y, ..sun };
         assert!((power(&sun, &bounds) - 1000.0).abs() < 0.01);
+        let panel = RectLight { color: white, intensity: 800.0, width: 0.5, height: 3.0, ..default() };
+        for scale in [Vec3::ONE, Vec3::new(2.0, 0.5, 1.0)] {
+            let panel = rect_light(&panel, &GlobalTransform::from_scale(scale));
+            assert!((power(&panel, &bounds) - 800.0).abs() < 0.01, "{scale}");
+        }
     }
 
     #[test]
@@ -217,6 +254,8 @@ mod tests {
             placed(point_light(&PointLight { range: f32::INFINITY, ..default() }), &here, GiLight::default()).is_some()
         );
         assert!(placed(Light { color: Vec3::INFINITY, ..light }, &here, GiLight::default()).is_none());
+        let line = RectLight { width: 0.0, ..default() };
+        assert!(placed(rect_light(&line, &here), &here, GiLight::default()).is_none());
         let zero_scale = GlobalTransform::from_scale(Vec3::ZERO);
         assert!(placed(light, &zero_scale, GiLight::default()).is_some_and(|l| l.light.direction == Vec3::NEG_Y));
     }

@@ -11,6 +11,7 @@
 //! | `instances` | all of the above | instances, chunks, bounds |
 //! | `deform` | skins and morph weights | poses, room for deformed vertices |
 //! | `lights` | Bevy's lights, bounds | lights and their powers |
+//! | `sky` | the cube map that lights a camera | directional lights that stand for it, on the GPU |
 //! | `prepare` | the tables | buffers, uploads of what changed |
 //! | `passes` | poses, images | deformed vertices, thumbnails, on the GPU |
 //!
@@ -30,6 +31,7 @@ mod occluders;
 mod pack;
 mod passes;
 mod prepare;
+mod sky;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -52,6 +54,7 @@ use self::meshes::collect_meshes;
 use self::occluders::{Occluders, choose_occluders};
 use self::passes::{init_pipelines, scene_pass};
 use self::prepare::{init_scene, upload_scene};
+use self::sky::{ExtractedSky, extract_sky, init_sky, light_sky, update_sky};
 use self::thumbnails::{collect_images, update_thumbnails};
 use crate::GiSystems;
 use crate::camera::device_is_adequate;
@@ -60,8 +63,10 @@ use crate::plugins::configure_stages;
 
 pub(crate) use self::instances::Instances;
 pub(crate) use self::prepare::SceneBuffers;
+pub(crate) use self::sky::SkyBuffers;
 
-/// What a light adds to the bounced light; without it a light takes part as [`GiLight::default`].
+/// What a light adds to the bounced light; without it a light takes part as [`GiLight::default`]. On a camera, it is that of the
+/// sky: see [`GiSettings::sky`](crate::GiSettings::sky).
 #[derive(Component, Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 pub struct GiLight {
@@ -128,15 +133,17 @@ impl Plugin for GiScenePlugin {
             .init_resource::<ExtractedMaterials>()
             .init_resource::<ExtractedLights>()
             .init_resource::<ExtractedPoses>()
+            .init_resource::<ExtractedSky>()
             .init_resource::<Instances>()
             .init_resource::<Materials>()
             .init_resource::<Occluders>()
             .init_resource::<Lights>()
             .init_resource::<DeformJobs>()
-            .add_systems(RenderStartup, (init_scene, init_pipelines))
+            .add_systems(RenderStartup, (init_scene, init_pipelines, init_sky))
             .add_systems(
                 ExtractSchedule,
-                (extract_cameras, (extract_instances, extract_materials, extract_lights, extract_poses)).chain(),
+                (extract_cameras, (extract_instances, extract_materials, extract_lights, extract_poses, extract_sky))
+                    .chain(),
             )
             .add_systems(
                 Render,
@@ -152,12 +159,13 @@ impl Plugin for GiScenePlugin {
                         resolve_instances,
                         choose_occluders,
                         update_lights,
+                        update_sky,
                         upload_scene,
                     )
                         .chain()
                         .in_set(GiSystems::PrepareScene),
                 ),
             )
-            .add_systems(RenderGraph, scene_pass.in_set(GiSystems::Scene));
+            .add_systems(RenderGraph, (scene_pass, light_sky).chain().in_set(GiSystems::Scene));
     }
 }

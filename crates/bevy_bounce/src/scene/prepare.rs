@@ -36,13 +36,14 @@ pub(crate) struct SceneBuffers {
     pub materials: Buffer,
     /// `array<u32>`: 16 x 16 texels each.
     pub thumbnails: Buffer,
-    /// `array<Light>`: `light_count` of them.
+    /// `array<Light>`: `light_count` of them, then `sky_count` that the GPU sets.
     pub lights: Buffer,
     uniform: UniformBuffer<Scene>,
     bounds: Bounds,
     occluders: OccluderCounts,
     pose_bytes: u64,
     light_revision: u64,
+    sky_count: u32,
 }
 
 impl SceneBuffers {
@@ -70,6 +71,7 @@ impl SceneBuffers {
             surface_points: placeholder(),
             pose_bytes: 0,
             light_revision: 0,
+            sky_count: 0,
         }
     }
 
@@ -96,6 +98,16 @@ impl SceneBuffers {
     /// What casts shadows into the maps of virtual lights.
     pub fn occluders(&self) -> OccluderCounts {
         self.occluders
+    }
+
+    /// Directional lights that stand for the sky; 0 without one.
+    pub fn sky_count(&self) -> u32 {
+        self.sky_count
+    }
+
+    /// Sets that number for this frame, before the upload.
+    pub(super) fn set_sky_count(&mut self, count: u32) {
+        self.sky_count = count;
     }
 
     /// Counts the frames in which lights, materials or their textures became others.
@@ -179,6 +191,7 @@ pub(super) fn upload_scene(
     let changed = lights.table.is_dirty() || materials.table.is_dirty() || !thumbnails.queue.is_empty();
     let fewer = lights.table.values().len() as u32 != buffers.uniform.get().light_count;
     buffers.light_revision += u64::from(changed || fewer);
+    lights.table.reserve(buffers.sky_count as usize);
     macro_rules! upload {
         ($table:expr, $buffer:expr) => {
             $table.upload(&device, &queue);
@@ -219,7 +232,7 @@ pub(super) fn upload_scene(
             .iter()
             .map(|material| material.emissive.max_element())
             .fold(0.0, f32::max),
-        padding: 0,
+        sky_count: buffers.sky_count,
     };
     if *buffers.uniform.get() != scene || buffers.uniform.buffer().is_none() {
         buffers.uniform.set(scene);

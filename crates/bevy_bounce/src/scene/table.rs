@@ -29,6 +29,7 @@ pub(super) struct GpuTable<T> {
     values: Vec<T>,
     dirty: Range<usize>,
     buffer: Option<Buffer>,
+    spare: usize,
     overflowed: bool,
 }
 
@@ -38,7 +39,7 @@ where
 {
     /// An empty table; its buffer gets that label.
     pub fn new(label: &'static str) -> Self {
-        Self { label, values: Vec::new(), dirty: 0..0, buffer: None, overflowed: false }
+        Self { label, values: Vec::new(), dirty: 0..0, buffer: None, spare: 0, overflowed: false }
     }
 
     /// The values as they are or will be on the GPU.
@@ -77,6 +78,11 @@ where
         self.dirty.start = self.dirty.start.min(self.dirty.end);
     }
 
+    /// Keeps room behind the values for so many that the GPU itself writes. A buffer that grows for it loses those it held.
+    pub fn reserve(&mut self, spare: usize) {
+        self.spare = spare;
+    }
+
     /// Whether something is to be uploaded.
     pub fn is_dirty(&self) -> bool {
         !self.dirty.is_empty()
@@ -94,7 +100,7 @@ where
     /// warning.
     pub fn upload(&mut self, device: &RenderDevice, queue: &RenderQueue) -> bool {
         let (limit, limit_name) = buffer_limit(device);
-        let limit = (limit / Self::stride()) as usize;
+        let limit = ((limit / Self::stride()) as usize).saturating_sub(self.spare);
         if self.values.len() > limit {
             if !self.overflowed {
                 self.overflowed = true;
@@ -108,9 +114,10 @@ where
             self.dirty.end = self.dirty.end.min(limit);
         }
         let held = self.buffer.as_ref().map_or(0, |buffer| (buffer.size() / Self::stride()) as usize);
-        let grown = held < self.values.len().max(1);
+        let needed = self.values.len() + self.spare;
+        let grown = held < needed.max(1);
         if grown {
-            let capacity = self.values.len().max(held + held / 2).max(16).min(limit.max(1));
+            let capacity = needed.max(held + held / 2).max(16).min((limit + self.spare).max(1));
             self.buffer = Some(device.create_buffer(&BufferDescriptor {
                 label: Some(self.label),
                 size: capacity as u64 * Self::stride(),

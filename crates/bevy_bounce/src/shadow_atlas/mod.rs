@@ -36,7 +36,7 @@ use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 
-pub(crate) use pipelines::{atlas_layout, bind_visibility};
+pub(crate) use pipelines::{bind_visibility, visibility_layouts};
 pub(crate) use prepare::ShadowAtlas;
 
 /// Draws the shadow maps of virtual point lights; see the [module](self).

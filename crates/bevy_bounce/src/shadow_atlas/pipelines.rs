@@ -9,8 +9,9 @@ use bevy::render::renderer::RenderDevice;
 
 use super::prepare::ShadowAtlas;
 use crate::VplVisibility;
-use crate::avg::{VoxelGrid, bind_grid};
+use crate::avg::{VoxelGrid, bind_grid, bind_sky, grid_layout, sky_layout};
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout, whole};
+use crate::scene::SceneBuffers;
 
 /// Kernels in the order they run.
 #[derive(Resource)]
@@ -21,30 +22,47 @@ pub(super) struct AtlasPipelines {
     pub splat_points: Kernel,
 }
 
-/// Group 1 of what looks depths up: parameters, atlas. See `shadow_atlas/lookup.wgsl`.
-pub(crate) fn atlas_layout() -> BindGroupLayoutDescriptor {
+/// Group 2 of the kernels that look up depths: sizes, the atlas. See `shadow_atlas/lookup.wgsl`.
+fn atlas_layout() -> BindGroupLayoutDescriptor {
     group_layout("bounce_atlas", &[uniform_buffer_sized(false, None), storage_buffer_read_only_sized(false, None)])
 }
 
-/// See [`atlas_layout`].
-fn bind_atlas(atlas: &ShadowAtlas, device: &RenderDevice, cache: &PipelineCache) -> Option<BindGroup> {
-    let resources = [atlas.parameters.binding()?, whole(&atlas.atlas)];
-    Some(bind_group(device, cache, &atlas_layout(), &resources))
+/// Groups 1 and 2 of the kernels in which virtual lights see, where they need them: the grid, with the sky or without; the atlas.
+pub(crate) fn visibility_layouts(visibility: VplVisibility, sky: bool) -> Vec<BindGroupLayoutDescriptor> {
+    let grid = if sky { sky_layout() } else { grid_layout() };
+    match visibility {
+        VplVisibility::None if !sky => vec![],
+        VplVisibility::None | VplVisibility::Voxel => vec![grid],
+        VplVisibility::Ism | VplVisibility::Atlas => vec![grid, atlas_layout()],
+    }
 }
 
-/// What virtual lights see by, of what is asked for and what is there; and group 1 of the kernels that look it up. Without maps
-/// they see by rays through the grid.
+/// What virtual lights see by, of what is asked for and what is there, and the groups of [`visibility_layouts`]; `sky` is the scene where
+/// there is one. Without maps they see by rays through the grid.
 pub(crate) fn bind_visibility(
     asked: VplVisibility,
     atlas: Option<&ShadowAtlas>,
     grid: &VoxelGrid,
+    sky: Option<&SceneBuffers>,
     device: &RenderDevice,
     cache: &PipelineCache,
-) -> Option<(VplVisibility, Option<BindGroup>)> {
-    match (asked, atlas.and_then(|atlas| bind_atlas(atlas, device, cache))) {
-        (VplVisibility::None, _) => Some((VplVisibility::None, None)),
-        (VplVisibility::Ism | VplVisibility::Atlas, Some(group)) => Some((VplVisibility::Atlas, Some(group))),
-        _ => Some((VplVisibility::Voxel, Some(bind_grid(grid, device, cache)?))),
+) -> Option<(VplVisibility, Vec<BindGroup>)> {
+    let bind_grid = || match sky {
+        Some(scene) => bind_sky(grid, scene, device, cache),
+        None => bind_grid(grid, device, cache),
+    };
+    let atlas_group = || {
+        let atlas = atlas?;
+        let resources = [atlas.parameters.binding()?, whole(&atlas.atlas)];
+        Some(bind_group(device, cache, &atlas_layout(), &resources))
+    };
+    match asked {
+        VplVisibility::None if sky.is_none() => Some((asked, vec![])),
+        VplVisibility::None | VplVisibility::Voxel => Some((asked, vec![bind_grid()?])),
+        VplVisibility::Ism | VplVisibility::Atlas => Some(match atlas_group() {
+            Some(atlas) => (VplVisibility::Atlas, vec![bind_grid()?, atlas]),
+            None => (VplVisibility::Voxel, vec![bind_grid()?]),
+        }),
     }
 }
 

@@ -51,6 +51,7 @@ fn settings(random: &mut Rng) -> GiSettings {
         tile: random.u32(0..60),
         bound: float(random, 0.01, 10.0),
         probes: one_of(random, &[0, 0, 1, 8, 14]),
+        sky: random.u32(0..80),
         resolution: resolution(random),
         ssbc: SsbcSettings {
             iterations: random.u32(0..4),

@@ -1,0 +1,242 @@
+//! Light from the sky: the directions that stand for it, and what falls into a scene, against closed forms.
+
+use std::f32::consts::PI;
+
+use bevy::ecs::system::RunSystemOnce;
+use bevy::light::Skybox;
+use bevy::prelude::*;
+use bevy_bounce::{GiLight, GiSettings, GlobalIllumination, Quality, Technique};
+use bevy_bounce_examples::scenes::{Builder, Walls};
+use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, Light, SKY_EDGE, Scene, Sky};
+use bevy_bounce_tests::compose::compose;
+use bevy_bounce_tests::gpu::{Resources, gpu};
+use bevy_bounce_tests::picture::{Picture, luminance};
+use bevy_bounce_tests::stage::{SMALL, Stage, illumination};
+use bevy_bounce_tests::twins::random::Random;
+use half::f16;
+
+/// Edge of the faces of the tested map.
+const FACE: u32 = 16;
+const BOUNDS: Vec3 = Vec3::new(2.0, 3.0, 5.0);
+
+/// Table and lights of a map of that radiance: of `count` directions, behind one light of Bevy's.
+fn chosen(count: u32, sky: Sky, radiance: impl Fn(Vec3) -> Vec3) -> (Vec<Vec4>, Vec<Light>) {
+    let mut texels = Vec::new();
+    for face in 0..6 {
+        for y in 0..FACE {
+            for x in 0..FACE {
+                let [s, t] = [x, y].map(|i| (i as f32 + 0.5) / FACE as f32 * 2.0 - 1.0);
+                // WebGPU's cube maps, whose z points the other way than the world's.
+                let way = match face {
+                    0 => Vec3::new(1.0, -t, -s),
+                    1 => Vec3::new(-1.0, -t, s),
+                    2 => Vec3::new(s, 1.0, t),
+                    3 => Vec3::new(s, -1.0, -t),
+                    4 => Vec3::new(s, -t, 1.0),
+                    _ => Vec3::new(-s, -t, -1.0),
+                };
+                let color = radiance(way.normalize() * Vec3::new(1.0, 1.0, -1.0)).extend(1.0);
+                texels.extend(color.to_array().map(|channel| f16::from_f32(channel).to_le_bytes()).concat());
+            }
+        }
+    }
+    let gpu = gpu();
+    let composed = compose("scene/sky.wgsl", &[]).expect("composes");
+    let scene = Scene { light_count: 1, sky_count: count, bounds_max: BOUNDS, ..Default::default() };
+    let resources = Resources::new(gpu)
+        .uniform("sky", &Sky { samples: 4, ..sky })
+        .uniform("scene", &scene)
+        .structs("table", &vec![Vec4::ZERO; (SKY_EDGE * SKY_EDGE) as usize])
+        .structs("lights", &vec![Light { range: 7.0, ..Default::default() }; 1 + count as usize])
+        .cube("map", wgpu::TextureFormat::Rgba16Float, FACE, &texels)
+        .sampler("map_sampler", wgpu::FilterMode::Linear);
+    for (entry, groups) in [("measure", SKY_EDGE * SKY_EDGE), ("choose", 1)] {
+        let kernel = gpu.kernel(&composed, entry).expect("compiles");
+        gpu.dispatch(&kernel, &resources, [groups, 1, 1]).expect("runs");
+    }
+    let lights: Vec<Light> = resources.read_structs("lights").expect("is a buffer");
+    assert_eq!(lights[0], Light { range: 7.0, ..Default::default() }, "a light of Bevy's was overwritten");
+    (resources.read_structs("table").expect("is a buffer"), lights[1..].to_vec())
+}
+
+fn plain() -> Sky {
+    Sky { rotation: Vec4::W, intensity: 1.0, samples: 0, max_bounces: 5, share: 1.0 }
+}
+
+/// Irradiance on a surface that nothing shadows, lux.
+fn irradiance(lights: &[Light], normal: Vec3) -> Vec3 {
+    lights.iter().map(|light| light.color * (-light.direction).dot(normal).max(0.0)).sum()
+}
+
+#[test]
+fn an_even_sky_lights_all_sides_alike() {
+    let radiance = Vec3::new(3.0, 2.0, 1.0);
+    for count in [16, 64, 256] {
+        let (table, lights) = chosen(count, Sky { intensity: 10.0, ..plain() }, |_| radiance);
+        let sphere: f32 = table.iter().map(|texel| texel.w).sum();
+        assert!((sphere / (4.0 * PI) - 1.0).abs() < 1e-3, "the sphere has {sphere} sr");
+        assert!(table.iter().all(|texel| (texel.truncate() / 10.0 - radiance).abs().max_element() < 0.01));
+        let mut random = Random::new(7);
+        for _ in 0..50 {
+            let normal = random.direction();
+            let found = irradiance(&lights, normal) / (PI * 10.0 * radiance);
+            // A hemisphere holds half the directions.
+            assert!((found - 1.0).abs().max_element() < 1.6 / (count as f32).sqrt(), "{count}, {normal}: {found}");
+        }
+        let mut power = 0.0;
+        for light in &lights {
+            assert_eq!((light.kind, light.max_bounces), (LIGHT_DIRECTIONAL, 5));
+            let area = (light.direction.abs() * BOUNDS.yzx() * BOUNDS.zxy()).element_sum();
+            power += luminance(light.color.to_array()) as f32 * area;
+            assert!((light.cumulative_power / power - 1.0).abs() < 1e-4);
+        }
+    }
+}
+
+#[test]
+fn directions_are_where_the_light_is() {
+    let lamp = Vec3::new(0.6, 0.64, -0.48);
+    let radiance = |way: Vec3| if way.dot(lamp) > 0.9 { Vec3::new(8.0, 6.0, 4.0) } else { Vec3::splat(0.01) };
+    let (_, lights) = chosen(64, plain(), radiance);
+    let towards = |lights: &[Light], lamp: Vec3| lights.iter().filter(|light| -light.direction.dot(lamp) > 0.8).count();
+    assert!(towards(&lights, lamp) > 55, "{} of 64 directions", towards(&lights, lamp));
+    // A cap of the sphere: pi sin^2 of its radius.
+    let expected = Vec3::new(8.0, 6.0, 4.0) * PI * (1.0 - 0.81);
+    let found = irradiance(&lights, lamp) / expected;
+    assert!((found - 1.0).abs().max_element() < 0.08, "{found} of the light");
+    // Turned, as Bevy turns it.
+    let turn = Quat::from_rotation_y(0.9);
+    let (_, lights) = chosen(64, Sky { rotation: turn.inverse().into(), ..plain() }, radiance);
+    assert!(
+        towards(&lights, turn * lamp) > 55,
+        "{} of 64 directions of a sky that is turned",
+        towards(&lights, turn * lamp)
+    );
+    assert!(irradiance(&chosen(64, plain(), |_| Vec3::ZERO).1, Vec3::Y) == Vec3::ZERO, "a black sky shines");
+}
+
+const SIZE: UVec2 = UVec2::new(48, 32);
+const RADIANCE: f32 = 200.0;
+const ALBEDO: f32 = 0.6;
+const SKY: GiSettings = GiSettings { grid: 48, sky: 256, ..SMALL };
+
+fn even_sky(images: &mut Assets<Image>) -> EnvironmentMapLight {
+    EnvironmentMapLight { intensity: RADIANCE, ..EnvironmentMapLight::solid_color(images, Color::WHITE) }
+}
+
+/// A floor 8 m square in the x-z-plane, seen from above, with what else `more` builds.
+fn stage(settings: GiSettings, more: fn(&mut Builder)) -> Stage {
+    Stage::new(SIZE, settings, move |app| {
+        app.add_systems(Startup, move |mut build: Builder, mut images: ResMut<Assets<Image>>| {
+            let paint = build.paint([ALBEDO; 3]);
+            build.panel(Vec3::new(-4.0, 0.0, -4.0), Vec3::Z * 8.0, Vec3::X * 8.0, &paint);
+            more(&mut build);
+            let sky = even_sky(&mut images);
+            let eye = Transform::from_xyz(0.0, 3.0, 0.0).looking_at(Vec3::ZERO, Vec3::NEG_Z);
+            build.commands.spawn((Camera3d::default(), sky, eye));
+        });
+    })
+}
+
+fn at(picture: &Picture, x: usize, y: usize) -> f32 {
+    luminance(picture.pixels[y * picture.width + x]) as f32
+}
+
+#[test]
+fn an_open_floor_has_all_of_the_sky() {
+    let mut stage = stage(SKY, |_| {});
+    let first = stage.settled_picture();
+    let lit = ALBEDO * RADIANCE;
+    for pixel in &first.pixels {
+        assert!((luminance(*pixel) as f32 / lit - 1.0).abs() < 0.03, "{pixel:?}, expected {lit}");
+    }
+
+    // Its light follows every change in that frame.
+    let camera = stage.only::<Camera3d>();
+    let mean = |picture: Picture| picture.mean_luminance() / first.mean_luminance();
+    stage.world().entity_mut(camera).insert(GiLight { intensity: 0.5, ..default() });
+    assert!((mean(stage.picture()) - 0.5).abs() < 1e-3);
+    stage.world().entity_mut(camera).insert(GiLight::OFF);
+    assert_eq!(mean(stage.picture()), 0.0, "what is left to Bevy is not bounced light");
+    stage.world().entity_mut(camera).remove::<GiLight>();
+    assert!(first == stage.picture(), "a sky that is back differs");
+    stage.light_by(illumination(GiSettings { sky: 0, ..SKY }));
+    assert_eq!(mean(stage.settled_picture()), 0.0);
+    stage.light_by(illumination(SKY));
+    assert!(first == stage.settled_picture(), "a setting left something behind");
+
+    // A skybox is a sky as well, where there is no environment map.
+    let map = stage.world().entity_mut(camera).take::<EnvironmentMapLight>().expect("has one");
+    assert_eq!(mean(stage.picture()), 0.0);
+    let skybox = Skybox { image: Some(map.specular_map.clone()), brightness: RADIANCE, ..default() };
+    stage.world().entity_mut(camera).insert(skybox);
+    assert!(first == stage.settled_picture(), "a skybox lights otherwise than an environment map");
+}
+
+#[test]
+fn a_wall_takes_its_part_of_the_sky() {
+    // Black, 8 m wide and 2 m high, 1 m beside the middle of the floor.
+    let mut stage = stage(SKY, |build| {
+        let black = build.paint([0.0; 3]);
+        build.panel(Vec3::new(-1.0, 0.0, -4.0), Vec3::Z * 8.0, Vec3::Y * 2.0, &black);
+        build.panel(Vec3::new(-1.0, 0.0, 4.0), Vec3::NEG_Z * 8.0, Vec3::Y * 2.0, &black);
+    });
+    let picture = stage.settled_picture();
+    let (half_width, height, distance) = (4.0_f32, 2.0_f32, 1.0_f32);
+    let top = height.hypot(distance);
+    // Of a point to a rectangle perpendicular to its surface. Howell, configuration factor B-4, twice.
+    let form_factor = ((half_width / distance).atan() - distance / top * (half_width / top).atan()) / PI;
+    let expected = ALBEDO * RADIANCE * (1.0 - form_factor);
+    let found = at(&picture, 24, 16);
+    assert!((found / expected - 1.0).abs() < 0.04, "{found} cd/m^2, expected {expected}");
+    assert!(form_factor > 0.15, "the wall takes too little to tell");
+}
+
+#[test]
+fn no_sky_in_a_closed_room_and_its_bounces_in_an_open_one() {
+    let room = |build: &mut Builder, height: f32| {
+        let white = build.paint([ALBEDO; 3]);
+        for (corner, u, v) in [
+            (Vec3::new(-4.0, 0.0, -4.0), Vec3::X * 8.0, Vec3::Y * height),
+            (Vec3::new(4.0, 0.0, 4.0), Vec3::NEG_X * 8.0, Vec3::Y * height),
+            (Vec3::new(-4.0, 0.0, 4.0), Vec3::NEG_Z * 8.0, Vec3::Y * height),
+            (Vec3::new(4.0, 0.0, -4.0), Vec3::Z * 8.0, Vec3::Y * height),
+        ] {
+            build.panel(corner, u, v, &white);
+        }
+    };
+    let mut closed = stage(SKY, |build| {
+        let white = build.paint([ALBEDO; 3]);
+        let paints = Walls {
+            floor: white.clone(),
+            ceiling: white.clone(),
+            back: white.clone(),
+            front: white.clone(),
+            left: white.clone(),
+            right: white,
+        };
+        build.room(Vec3::new(-4.0, 0.0, -4.0), Vec3::new(4.0, 4.0, 4.0), &paints);
+        let shell = build.paint([ALBEDO; 3]);
+        build.block(Vec3::new(0.0, -0.1, 0.0), Vec3::new(8.2, 4.2, 8.2), 0.0, &shell);
+    });
+    let inside = closed.settled_picture().mean_luminance() / f64::from(ALBEDO * RADIANCE);
+    assert!(inside < 0.005, "{inside} of the sky's light is in a closed room");
+
+    // Four walls without a roof: what the open top sends is reflected between them.
+    let one = |bounces| {
+        let mut stage = stage(GiSettings { bounces, ..SKY }, move |_| {});
+        stage.world().run_system_once(move |mut build: Builder| room(&mut build, 4.0)).expect("runs");
+        stage.settled_picture().mean_luminance()
+    };
+    let (single, many) = (one(1), one(8));
+    assert!(many > 1.05 * single, "{single} with one bounce, {many} with eight");
+}
+
+#[test]
+fn caches_see_the_sky_too() {
+    let mut stage = stage(SKY, |_| {});
+    let by_lights = stage.settled_picture().mean_luminance();
+    stage.light_by(GlobalIllumination { technique: Technique::RadianceCache, quality: Quality::Custom(SKY) });
+    let by_caches = stage.settled_picture().mean_luminance();
+    assert!((by_caches / by_lights - 1.0).abs() < 0.06, "{by_caches} cd/m^2, by rays {by_lights}");
+}
