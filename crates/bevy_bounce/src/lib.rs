@@ -12,7 +12,7 @@
 //!     .run();
 //! ```
 //!
-//! Every `Mesh3d` with a `StandardMaterial` and every point, spot and directional light takes part unless told
+//! Every `Mesh3d` with a `StandardMaterial` and every light of Bevy takes part unless told
 //! otherwise ([`VoxelizedMesh`], [`GiLight`]).
 
 pub mod avg;

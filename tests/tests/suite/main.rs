@@ -8,6 +8,7 @@ mod deform;
 mod guides;
 mod harness;
 mod history;
+mod lamps;
 mod lightmap;
 mod metrics;
 mod octahedral;
