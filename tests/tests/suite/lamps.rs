@@ -34,9 +34,14 @@ fn stage() -> Stage {
             };
             build.room(Vec3::ZERO, ROOM, &paints);
             build.commands.spawn((Lamp, Transform::default(), Visibility::default()));
-            build.commands.spawn(Camera3d::default());
+            build.commands.spawn((Camera3d::default(), orthographic(1.0, 1.0)));
         });
     })
+}
+
+fn orthographic(width: f32, height: f32) -> Projection {
+    let scaling_mode = ScalingMode::Fixed { width, height };
+    Projection::from(OrthographicProjection { scaling_mode, near: 0.0, ..OrthographicProjection::default_3d() })
 }
 
 /// Flux of bounced light onto all six walls, lumens: each is looked at from the one across.
@@ -48,13 +53,8 @@ fn bounced(stage: &mut Stage) -> f32 {
         let right = way.cross(up).abs();
         let (width, height) = (right.dot(ROOM), up.abs().dot(ROOM));
         let eye = ROOM * 0.5 - way * (0.5 * way.abs().dot(ROOM));
-        let projection = OrthographicProjection {
-            scaling_mode: ScalingMode::Fixed { width, height },
-            near: 0.0,
-            ..OrthographicProjection::default_3d()
-        };
         let place = Transform::from_translation(eye).looking_to(way, up);
-        stage.world().entity_mut(camera).insert((place, Projection::from(projection)));
+        stage.world().entity_mut(camera).insert((place, orthographic(width, height)));
         let radiance = stage.picture().mean_luminance() as f32;
         flux += radiance * PI / ALBEDO * width * height;
     }
