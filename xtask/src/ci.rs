@@ -4,15 +4,19 @@ use std::process::Command;
 use std::time::{Duration, Instant};
 
 use crate::Result;
+use crate::crates::crates;
+use crate::licences::licences;
 use crate::process::{cargo, run, shared};
 use crate::setup::setup;
 use crate::table::{Table, duration};
 
 /// Steps in the order they run. Clippy leaves the dependencies' metadata behind, which `docs` uses again; both test
 /// runs share one build.
-const STEPS: [(&str, fn() -> Result<()>); 6] = [
+const STEPS: [(&str, fn() -> Result<()>); 8] = [
     ("setup", setup),
     ("fmt", || run(&mut cargo(["fmt", "--all", "--check"]))),
+    ("licences", licences),
+    ("crates", crates),
     ("clippy", || run(&mut cargo(["clippy", "--workspace", "--all-targets", "--locked", "--", "--deny", "warnings"]))),
     ("test", || run(&mut tests())),
     ("webgpu", || run(tests().env("WGPU_SETTINGS_PRIO", "webgpu").env("BOUNCE_WEBGPU_LIMITS", "1"))),
@@ -89,7 +93,7 @@ mod tests {
 
     #[test]
     fn all_steps_run_unless_some_are_named() -> Result<()> {
-        assert_eq!(names(&choose(&[])?), ["setup", "fmt", "clippy", "test", "webgpu", "docs"]);
+        assert_eq!(names(&choose(&[])?), ["setup", "fmt", "licences", "crates", "clippy", "test", "webgpu", "docs"]);
         assert_eq!(names(&choose(&["docs".to_owned(), "fmt".to_owned()])?), ["fmt", "docs"]);
         assert!(choose(&["tests".to_owned()]).is_err_and(|error| error.to_string().contains("`tests`")));
         Ok(())

@@ -5,9 +5,11 @@
 mod bench;
 mod bench_report;
 mod ci;
+mod crates;
 mod demo;
 mod drivers;
 mod glb;
+mod licences;
 mod packages;
 mod pictures;
 mod process;
@@ -30,7 +32,8 @@ usage: cargo xtask COMMAND
   test [CARGO TEST OPTIONS]
                  set up, then `cargo test --workspace`
   setup          find a Vulkan adapter; install Mesa's software driver where there is none
-  ci [STEP...]   everything a change must pass: setup fmt clippy test webgpu docs
+  ci [STEP...]   everything a change must pass: setup fmt licences crates clippy
+                 test webgpu docs
   bench [OPTIONS]
                  stage times, median and 95th percentile, beside plain Bevy; `cargo xtask bench --help`
   pictures [NAME...]

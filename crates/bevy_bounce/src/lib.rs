@@ -27,6 +27,7 @@ mod plugins;
 pub mod probes;
 pub mod radiance_cache;
 mod readback;
+mod recovery;
 pub mod scene;
 mod settings;
 pub mod shadow_atlas;

@@ -149,10 +149,3 @@ pub(crate) fn prepare_view_textures(
         };
     }
 }
-
-/// A new device knows nothing of the last one's textures. For `RenderStartup`.
-pub(crate) fn forget_view_textures(mut commands: Commands, views: Query<Entity, With<ViewTextures>>) {
-    for entity in &views {
-        commands.entity(entity).remove::<ViewTextures>();
-    }
-}

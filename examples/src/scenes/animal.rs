@@ -8,34 +8,61 @@ use bevy::camera::visibility::NoFrustumCulling;
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
 use bevy::prelude::*;
 
-use super::animal_mesh::{self, JOINTS, joint, skeleton};
+use super::animal_mesh::{self, Detail, JOINTS, joint, skeleton};
 use super::{Builder, CornellBox};
 
 /// The box without its blocks, and the animal.
 pub struct AnimalPlugin;
 
-/// Seconds a stride.
+/// Lets animals of a [`Herd`] walk.
+pub struct WalkPlugin;
+
+/// What animals share.
+pub struct Herd {
+    skin: Handle<Mesh>,
+    tusks: Handle<Mesh>,
+    eye: Handle<Mesh>,
+    ivory: Handle<StandardMaterial>,
+    black: Handle<StandardMaterial>,
+    inverse_bindposes: Handle<SkinnedMeshInverseBindposes>,
+}
+
+/// How an animal walks round the origin.
+#[derive(Component, Clone, Copy, Debug)]
+pub struct Walk {
+    /// Radius of its round, metres.
+    pub radius: f32,
+    /// Where it starts, radians from +z on towards +x.
+    pub start: f32,
+    /// The other way round.
+    pub reversed: bool,
+    /// Its size; a grown one has 1. Small ones take more steps on the same way.
+    pub size: f32,
+}
+
+/// Seconds a stride of a grown one.
 const STRIDE: f64 = 1.5;
 /// Part of a stride that a foot is on the ground.
 const STANCE: f32 = 0.65;
 /// How far a leg swings to either side, radians.
 const SWING: f32 = 0.3;
-/// Radius of its round, metres.
-const ROUND: f32 = 0.8;
 /// Forward speed, m/s: feet on the ground stay where they are.
 const SPEED: f64 = 0.48;
 /// When each leg lifts, in strides: the lateral sequence in which elephants walk.
 const LIFTS: [f32; 4] = [0.25, 0.75, 0.0, 0.5];
 
 #[derive(Component)]
-struct Animal;
-
-#[derive(Component)]
 struct JointIndex(usize);
 
 impl Plugin for AnimalPlugin {
     fn build(&self, app: &mut App) {
-        app.add_systems(Startup, spawn).add_systems(Update, walk);
+        app.add_plugins(WalkPlugin).add_systems(Startup, spawn);
+    }
+}
+
+impl Plugin for WalkPlugin {
+    fn build(&self, app: &mut App) {
+        app.add_systems(Update, walk);
     }
 }
 
@@ -43,25 +70,46 @@ fn spawn(mut build: Builder, mut bindposes: ResMut<Assets<SkinnedMeshInverseBind
     CornellBox::spawn_walls(&mut build);
     CornellBox::spawn_lamp_and_camera(&mut build.commands);
     let hide = build.paint([0.4, 0.37, 0.35]);
-    let ivory = build.paint([0.75, 0.68, 0.52]);
-    let black = build.paint([0.02, 0.02, 0.02]);
-    let (skin, tusks) = animal_mesh::meshes();
-    let joints = skeleton();
-    let inverse = bindposes.add(joints.map(|joint| Mat4::from_translation(-joint.rest)).to_vec());
-    let root = build.commands.spawn((Animal, Transform::default(), Visibility::default(), Name::new("elephant"))).id();
-    let mut entities = Vec::with_capacity(JOINTS);
-    for (index, joint) in joints.iter().enumerate() {
-        let parent = joint.parent.map_or(root, |parent| entities[parent]);
-        let transform = Transform::from_translation(rest(&joints, index));
-        entities.push(build.commands.spawn((JointIndex(index), transform, ChildOf(parent))).id());
+    let herd = Herd::new(&mut build, &mut bindposes, Detail::FINE);
+    herd.spawn(&mut build, Walk { radius: 0.8, start: 0.0, reversed: false, size: 1.0 }, &hide);
+}
+
+impl Herd {
+    /// Nobody yet.
+    pub fn new(build: &mut Builder, bindposes: &mut Assets<SkinnedMeshInverseBindposes>, detail: Detail) -> Self {
+        let (skin, tusks) = animal_mesh::meshes(detail);
+        let inverse = skeleton().map(|joint| Mat4::from_translation(-joint.rest));
+        Self {
+            skin: build.meshes.add(skin),
+            tusks: build.meshes.add(tusks),
+            eye: build.meshes.add(Sphere::new(0.03).mesh().uv(16, 10)),
+            ivory: build.paint([0.75, 0.68, 0.52]),
+            black: build.paint([0.02, 0.02, 0.02]),
+            inverse_bindposes: bindposes.add(inverse.to_vec()),
+        }
     }
-    for (mesh, paint) in [(skin, &hide), (tusks, &ivory)] {
-        let skinned = SkinnedMesh { inverse_bindposes: inverse.clone(), joints: entities.clone() };
-        build.place(mesh, Transform::default(), paint).insert((skinned, NoFrustumCulling, ChildOf(root)));
-    }
-    for side in [1.0, -1.0] {
-        let eye = Transform::from_xyz(0.2 * side, 0.13, 0.28);
-        build.place(Sphere::new(0.03).mesh().uv(16, 10), eye, &black).insert(ChildOf(entities[joint::HEAD]));
+
+    /// One more.
+    pub fn spawn(&self, build: &mut Builder, walk: Walk, hide: &Handle<StandardMaterial>) {
+        let joints = skeleton();
+        let name = Name::new("elephant");
+        let root = build.commands.spawn((walk, Transform::default(), Visibility::default(), name)).id();
+        let mut entities = Vec::with_capacity(JOINTS);
+        for (index, joint) in joints.iter().enumerate() {
+            let parent = joint.parent.map_or(root, |parent| entities[parent]);
+            let transform = Transform::from_translation(rest(&joints, index));
+            let joint = (JointIndex(index), walk, transform, Visibility::default(), ChildOf(parent));
+            entities.push(build.commands.spawn(joint).id());
+        }
+        for (mesh, paint) in [(&self.skin, hide), (&self.tusks, &self.ivory)] {
+            let skinned = SkinnedMesh { inverse_bindposes: self.inverse_bindposes.clone(), joints: entities.clone() };
+            let look = (Mesh3d(mesh.clone()), MeshMaterial3d(paint.clone()));
+            build.commands.spawn((look, skinned, NoFrustumCulling, ChildOf(root)));
+        }
+        for side in [1.0, -1.0] {
+            let look = (Mesh3d(self.eye.clone()), MeshMaterial3d(self.black.clone()));
+            build.commands.spawn((look, Transform::from_xyz(0.2 * side, 0.13, 0.28), ChildOf(entities[joint::HEAD])));
+        }
     }
 }
 
@@ -71,23 +119,36 @@ fn rest(joints: &[animal_mesh::Joint; JOINTS], index: usize) -> Vec3 {
     joint.rest - joint.parent.map_or(Vec3::ZERO, |parent| joints[parent].rest)
 }
 
+impl Walk {
+    /// Where it is by then.
+    fn place(&self, seconds: f64) -> Transform {
+        let sense = if self.reversed { -1.0 } else { 1.0 };
+        let turn = self.start + sense * ((seconds * SPEED / f64::from(self.radius)) % f64::from(TAU)) as f32;
+        Transform::from_translation(self.radius * Vec3::new(turn.sin(), 0.0, turn.cos()))
+            .with_rotation(Quat::from_rotation_y(turn + sense * 0.5 * PI))
+            .with_scale(Vec3::splat(self.size))
+    }
+
+    /// Strides by then; who starts elsewhere is elsewhere in its stride.
+    fn strides(&self, seconds: f64) -> f32 {
+        self.start + (seconds / (STRIDE * f64::from(self.size)) % 64.0) as f32
+    }
+}
+
 fn walk(
     time: Res<Time>,
-    mut animals: Query<&mut Transform, With<Animal>>,
-    mut parts: Query<(&JointIndex, &mut Transform), Without<Animal>>,
+    mut animals: Query<(&Walk, &mut Transform), Without<JointIndex>>,
+    mut parts: Query<(&JointIndex, &Walk, &mut Transform)>,
 ) {
     let seconds = time.elapsed_secs_f64();
-    let turn = ((seconds * SPEED / f64::from(ROUND)) % f64::from(TAU)) as f32;
-    for mut transform in &mut animals {
-        transform.translation = ROUND * Vec3::new(turn.sin(), 0.0, turn.cos());
-        transform.rotation = Quat::from_rotation_y(turn + 0.5 * PI);
+    for (walk, mut transform) in &mut animals {
+        *transform = walk.place(seconds);
     }
-    let strides = (seconds / STRIDE % 64.0) as f32;
     let joints = skeleton();
-    for (index, mut transform) in &mut parts {
-        let rest = rest(&joints, index.0);
+    for (index, walk, mut transform) in &mut parts {
+        let strides = walk.strides(seconds);
         let bob = if index.0 == joint::SPINE { 0.012 * (2.0 * TAU * strides).cos() } else { 0.0 };
-        transform.translation = rest + Vec3::Y * bob;
+        transform.translation = rest(&joints, index.0) + Vec3::Y * bob;
         transform.rotation = pose(index.0, strides);
     }
 }

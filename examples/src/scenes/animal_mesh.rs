@@ -5,10 +5,22 @@ use bevy::prelude::*;
 
 /// Number of joints.
 pub const JOINTS: usize = 16;
-/// Vertices round a tube.
-const SIDES: usize = 20;
-/// Rings between two key rings.
-const STEPS: usize = 4;
+
+/// How finely tubes are divided.
+#[derive(Clone, Copy, Debug)]
+pub struct Detail {
+    /// Vertices round a tube.
+    sides: usize,
+    /// Rings from a key ring to the next.
+    steps: usize,
+}
+
+impl Detail {
+    /// 11,000 triangles, for one that is looked at.
+    pub const FINE: Self = Self { sides: 20, steps: 4 };
+    /// 2,000 triangles, for one of many.
+    pub const COARSE: Self = Self { sides: 8, steps: 1 };
+}
 
 /// A joint at rest: its parent, and where it is in the animal's space, metres. The animal looks along +z.
 #[derive(Clone, Copy, Debug)]
@@ -84,9 +96,9 @@ fn ring(center: [f32; 3], radii: [f32; 2], weights: &[(usize, f32)]) -> Ring {
 }
 
 /// Skin and tusks, both carried by [`skeleton`].
-pub fn meshes() -> (Mesh, Mesh) {
+pub fn meshes(detail: Detail) -> (Mesh, Mesh) {
     use joint::{EARS, HEAD, LEGS, SPINE, TAIL, TRUNK};
-    let mut skin = Tubes::default();
+    let mut skin = Tubes::new(detail);
     skin.add(
         Vec3::X,
         [0.6, 0.3],
@@ -161,7 +173,7 @@ pub fn meshes() -> (Mesh, Mesh) {
             ring([0.0, 0.62, -0.93], [0.035, 0.035], &[(TAIL, 1.0)]),
         ],
     );
-    let mut tusks = Tubes::default();
+    let mut tusks = Tubes::new(detail);
     for side in [1.0, -1.0] {
         tusks.add(
             Vec3::X,
@@ -177,18 +189,23 @@ pub fn meshes() -> (Mesh, Mesh) {
     (skin.mesh(), tusks.mesh())
 }
 
-#[derive(Default)]
 struct Tubes {
+    detail: Detail,
     positions: Vec<Vec3>,
     weights: Vec<[f32; JOINTS]>,
     indices: Vec<u32>,
 }
 
 impl Tubes {
+    fn new(detail: Detail) -> Self {
+        Self { detail, positions: Vec::new(), weights: Vec::new(), indices: Vec::new() }
+    }
+
     /// A closed tube along the key rings, which lie across their path with their first radius along `across`. The caps
     /// bulge by `caps` times the radius.
     fn add(&mut self, across: Vec3, caps: [f32; 2], keys: &[Ring]) {
-        let rings = smooth(keys);
+        let Detail { sides, steps } = self.detail;
+        let rings = smooth(keys, steps);
         let tangent = |index: usize| {
             let (from, to) = (rings[index.saturating_sub(1)], rings[(index + 1).min(rings.len() - 1)]);
             (to.center - from.center).normalize_or(Vec3::Y)
@@ -209,16 +226,16 @@ impl Tubes {
         for (ring, along) in &all {
             let right = (across - *along * across.dot(*along)).normalize_or(Vec3::X);
             let up = along.cross(right);
-            for side in 0..SIDES {
-                let (sin, cos) = (std::f32::consts::TAU * side as f32 / SIDES as f32).sin_cos();
+            for side in 0..sides {
+                let (sin, cos) = (std::f32::consts::TAU * side as f32 / sides as f32).sin_cos();
                 self.push(ring.center + right * ring.radii.x * cos + up * ring.radii.y * sin, ring.weights);
             }
         }
         self.push(end.center + out * caps[1] * end.radii.min_element(), end.weights);
 
         let last = self.positions.len() as u32 - 1;
-        let vertex = |ring: usize, side: usize| first + 1 + (ring * SIDES + side % SIDES) as u32;
-        for side in 0..SIDES {
+        let vertex = |ring: usize, side: usize| first + 1 + (ring * sides + side % sides) as u32;
+        for side in 0..sides {
             self.indices.extend([first, vertex(0, side + 1), vertex(0, side)]);
             for ring in 0..all.len() - 1 {
                 let [a, b, c, d] =
@@ -266,14 +283,14 @@ fn strongest(weights: &[f32; JOINTS]) -> ([u16; 4], [f32; 4]) {
     (four.map(|joint| joint as u16), four.map(|joint| weights[joint] / sum))
 }
 
-/// Rings between the key rings: centres and radii along Catmull-Rom curves, weights straight.
-fn smooth(keys: &[Ring]) -> Vec<Ring> {
+/// Rings from key ring to key ring in so many steps: centres and radii along Catmull-Rom curves, weights straight.
+fn smooth(keys: &[Ring], steps: usize) -> Vec<Ring> {
     let key = |index: isize| keys[index.clamp(0, keys.len() as isize - 1) as usize];
-    let mut rings = Vec::with_capacity((keys.len() - 1) * STEPS + 1);
+    let mut rings = Vec::with_capacity((keys.len() - 1) * steps + 1);
     for segment in 0..keys.len() as isize - 1 {
         let four = [key(segment - 1), key(segment), key(segment + 1), key(segment + 2)];
-        for step in 0..STEPS {
-            let t = step as f32 / STEPS as f32;
+        for step in 0..steps {
+            let t = step as f32 / steps as f32;
             let radii = catmull_rom(four.map(|ring| ring.radii.extend(0.0)), t).truncate();
             rings.push(Ring {
                 center: catmull_rom(four.map(|ring| ring.center), t),
@@ -296,8 +313,8 @@ mod tests {
 
     #[test]
     fn every_vertex_hangs_on_the_skeleton() {
-        let (skin, tusks) = meshes();
-        for mesh in [skin, tusks] {
+        let meshes = [Detail::FINE, Detail::COARSE].map(meshes);
+        for mesh in meshes.into_iter().flat_map(|(skin, tusks)| [skin, tusks]) {
             let Some(VertexAttributeValues::Float32x4(weights)) = mesh.attribute(Mesh::ATTRIBUTE_JOINT_WEIGHT) else {
                 panic!("no weights")
             };
@@ -311,7 +328,7 @@ mod tests {
 
     #[test]
     fn tubes_face_outwards() {
-        let mut tubes = Tubes::default();
+        let mut tubes = Tubes::new(Detail::COARSE);
         let end = |z| ring([0.0, 0.0, z], [1.0, 1.0], &[(0, 1.0)]);
         tubes.add(Vec3::X, [1.0, 1.0], &[end(-1.0), end(1.0)]);
         let outwards =

@@ -5,6 +5,7 @@ use bevy::light::NotShadowCaster;
 use bevy::prelude::*;
 use bevy_bounce::{GlobalIllumination, VoxelizedMesh};
 
+use super::chance::Chance;
 use super::{Builder, Walls};
 
 /// The office, its furniture and its lamp.
@@ -216,18 +217,5 @@ fn swing(time: Res<Time>, mut lamps: Query<&mut Transform, With<Lamp>>) {
         transform.translation = Vec3::new(2.0 * (phase * 0.5).sin(), MAX.y, -0.3 + 0.7 * (phase * 0.5).cos());
         transform.rotation =
             Quat::from_rotation_z(0.35 * (phase * 3.1).sin()) * Quat::from_rotation_x(0.2 * phase.cos());
-    }
-}
-
-/// Small repeatable numbers, after Marsaglia 2003 (xorshift).
-struct Chance(u32);
-
-impl Chance {
-    /// In 0..1.
-    fn next(&mut self) -> f32 {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 17;
-        self.0 ^= self.0 << 5;
-        (self.0 >> 8) as f32 / (1 << 24) as f32
     }
 }

@@ -18,6 +18,7 @@ mod pictures;
 mod pipelines;
 mod probes;
 mod radiance_cache;
+mod recovery;
 mod sampling;
 mod settle;
 mod shaders;

@@ -10,7 +10,7 @@ use bevy_bounce::{
 };
 use bevy_bounce_examples::Run;
 use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
-use bevy_bounce_examples::scenes::{AnimalPlugin, Builder, CornellPlugin, Walls};
+use bevy_bounce_examples::scenes::{AnimalPlugin, Builder, CornellPlugin, DoorsPlugin, Walls};
 use bevy_bounce_tests::metrics::{Bounds, Metrics, compare};
 use bevy_bounce_tests::picture::Picture;
 use bevy_bounce_tests::references::committed_file;
@@ -368,6 +368,25 @@ fn a_furnace_has_its_closed_form() {
     // Corners are darker by the bound of the geometry term, lights close by are bright: most of it is within a quarter.
     let near = picture.pixels.iter().filter(|pixel| (pixel[1] / expected - 1.0).abs() < 0.25).count();
     assert!(near * 10 > picture.pixels.len() * 8, "{near} of {} pixels are near {expected}", picture.pixels.len());
+}
+
+/// A shut door keeps light out in the frame in which it shuts, and lets it in again.
+#[test]
+fn light_comes_and_goes_with_doors() {
+    let settings = GiSettings { grid: 64, vpls: 1024, ..SMALL };
+    let mut stage = Stage::new(SIZE, settings, |app| {
+        app.add_plugins(DoorsPlugin);
+    });
+    let open = stage.picture();
+    let mut after = |seconds: f32| {
+        stage.frame(Duration::from_secs_f32(seconds));
+        stage.captured()
+    };
+    let shut = after(DoorsPlugin::SHUT);
+    let leak = shut.mean_luminance() / open.mean_luminance();
+    println!("{leak:.4} of the light is there with all doors shut");
+    assert!(leak < 0.02, "{leak} of the light comes through doors that are shut");
+    assert!(after(DoorsPlugin::CYCLE - DoorsPlugin::SHUT) == open, "doors that open again let other light in");
 }
 
 /// A skinned animal: its bounced light depends on the time alone, however that was reached.

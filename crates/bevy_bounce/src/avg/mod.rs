@@ -33,6 +33,7 @@ use bevy::render::{Render, RenderApp, RenderStartup};
 use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
+use crate::recovery::forget_resource;
 
 pub(crate) use grid::{PHASE, VoxelGrid, prepare_grid};
 pub(crate) use pipelines::{bind_grid, bind_sky, grid_layout, sky_layout};
@@ -52,7 +53,7 @@ impl Plugin for AvgPlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         configure_stages(render_app);
         render_app
-            .add_systems(RenderStartup, pipelines::init_pipelines)
+            .add_systems(RenderStartup, (pipelines::init_pipelines, forget_resource::<VoxelGrid>))
             .add_systems(Render, grid::prepare_grid.in_set(GiSystems::Prepare))
             .add_systems(RenderGraph, passes::voxelize.in_set(GiSystems::Voxelize));
     }

@@ -28,7 +28,8 @@ use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSy
 
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
-use crate::view::{forget_view_textures, prepare_view_textures};
+use crate::recovery::forget_components;
+use crate::view::{ViewTextures, prepare_view_textures};
 use crate::{GiSystems, GlobalIllumination, camera};
 
 /// What the picture of this camera holds; for looking at one term alone.
@@ -91,7 +92,7 @@ impl Plugin for GiComposePlugin {
             .init_gpu_resource::<SpecializedRenderPipelines<pipelines::ComposePipelines>>()
             .add_systems(
                 RenderStartup,
-                (pipelines::init_compose_pipelines.after(MeshPipelineSystems), forget_view_textures),
+                (pipelines::init_compose_pipelines.after(MeshPipelineSystems), forget_components::<ViewTextures>),
             )
             .add_systems(ExtractSchedule, extract::extract_views)
             .add_systems(

@@ -58,6 +58,7 @@ use crate::camera::device_is_adequate;
 use crate::compose::ViewPass;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
+use crate::recovery::{forget_components, forget_resource};
 
 pub(crate) use prepare::Baked;
 pub use settings::{CssmFilter, CssmSettings};
@@ -104,7 +105,10 @@ impl Plugin for CssmPlugin {
         configure_stages(render_app);
         render_app
             .init_resource::<object::ExtractedCssm>()
-            .add_systems(RenderStartup, (pipelines::init_pipelines, prepare::forget))
+            .add_systems(
+                RenderStartup,
+                (pipelines::init_pipelines, forget_resource::<Baked>, forget_components::<prepare::CssmViewUniform>),
+            )
             .add_systems(ExtractSchedule, (object::extract_cameras, object::extract_object).chain())
             .add_systems(Render, (prepare::prepare_light, prepare::prepare_views).in_set(GiSystems::Prepare))
             .add_systems(RenderGraph, passes::light_texels.in_set(GiSystems::Cssm))

@@ -216,11 +216,3 @@ pub(super) fn prepare_views(
         }
     }
 }
-
-/// A new device knows nothing of the last one's buffers. For `RenderStartup`.
-pub(super) fn forget(mut commands: Commands, views: Query<Entity, With<CssmViewUniform>>) {
-    commands.remove_resource::<Baked>();
-    for entity in &views {
-        commands.entity(entity).remove::<CssmViewUniform>();
-    }
-}

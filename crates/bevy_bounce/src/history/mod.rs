@@ -39,6 +39,7 @@ use crate::camera::device_is_adequate;
 use crate::compose::ViewPass;
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
+use crate::recovery::forget_components;
 use crate::view::prepare_view_textures;
 
 pub(crate) use prepare::History;
@@ -58,7 +59,7 @@ impl Plugin for HistoryPlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         configure_stages(render_app);
         render_app
-            .add_systems(RenderStartup, (pipelines::init_pipelines, prepare::forget))
+            .add_systems(RenderStartup, (pipelines::init_pipelines, forget_components::<History>))
             .add_systems(
                 Render,
                 (

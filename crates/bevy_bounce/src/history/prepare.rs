@@ -164,10 +164,3 @@ pub(super) fn prepare(
         }
     }
 }
-
-/// A new device knows nothing of the last one's textures.
-pub(super) fn forget(mut commands: Commands, views: Query<Entity, With<History>>) {
-    for entity in &views {
-        commands.entity(entity).remove::<History>();
-    }
-}

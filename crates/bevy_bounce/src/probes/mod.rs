@@ -48,6 +48,7 @@ use crate::avg::prepare_grid;
 use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
+use crate::recovery::forget_resource;
 
 pub use forward::GiForwardPlugin;
 pub(crate) use prepare::ProbeBuffers;
@@ -91,7 +92,7 @@ impl Plugin for ProbeVolumePlugin {
         configure_stages(render_app);
         render_app
             .init_resource::<extract::ExtractedProbes>()
-            .add_systems(RenderStartup, pipelines::init_pipelines)
+            .add_systems(RenderStartup, (pipelines::init_pipelines, forget_resource::<ProbeBuffers>))
             .add_systems(ExtractSchedule, (extract::extract_probes, extract::return_bounds))
             .add_systems(Render, prepare::prepare_probes.in_set(GiSystems::Prepare).after(prepare_grid))
             .add_systems(RenderGraph, passes::light_probes.in_set(GiSystems::Probes));

@@ -60,6 +60,7 @@ use crate::camera::device_is_adequate;
 use crate::compose::ViewPass;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
+use crate::recovery::{forget_components, forget_resource};
 use crate::view::prepare_view_textures;
 
 pub use counters::{CacheCounts, cache_counts};
@@ -85,7 +86,12 @@ impl Plugin for RadianceCachePlugin {
         render_app
             .add_systems(
                 RenderStartup,
-                (pipelines::init_light_pipelines, pipelines::init_cache_pipelines, prepare::forget_caches),
+                (
+                    pipelines::init_light_pipelines,
+                    pipelines::init_cache_pipelines,
+                    forget_resource::<VoxelLight>,
+                    forget_components::<CacheBuffers>,
+                ),
             )
             .add_systems(
                 Render,

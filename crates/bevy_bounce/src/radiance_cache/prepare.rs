@@ -179,14 +179,6 @@ fn same_buffers(a: &CacheGrid, b: &CacheGrid) -> bool {
     (a.size, a.tiles, a.capacity) == (b.size, b.tiles, b.capacity)
 }
 
-/// A new device knows nothing of the last one's buffers. For `RenderStartup`.
-pub(super) fn forget_caches(mut commands: Commands, views: Query<Entity, With<CacheBuffers>>) {
-    commands.remove_resource::<super::volume::VoxelLight>();
-    for entity in &views {
-        commands.entity(entity).remove::<CacheBuffers>();
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

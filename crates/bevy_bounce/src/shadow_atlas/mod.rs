@@ -35,6 +35,7 @@ use crate::avg::prepare_grid;
 use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
+use crate::recovery::forget_resource;
 
 pub(crate) use pipelines::{bind_visibility, visibility_layouts};
 pub(crate) use prepare::ShadowAtlas;
@@ -53,7 +54,7 @@ impl Plugin for ShadowAtlasPlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         configure_stages(render_app);
         render_app
-            .add_systems(RenderStartup, pipelines::init_pipelines)
+            .add_systems(RenderStartup, (pipelines::init_pipelines, forget_resource::<ShadowAtlas>))
             .add_systems(Render, prepare::prepare_atlas.in_set(GiSystems::Prepare).after(prepare_grid))
             .add_systems(RenderGraph, passes::draw_atlas.in_set(GiSystems::ShadowAtlas));
     }

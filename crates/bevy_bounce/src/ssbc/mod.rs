@@ -51,6 +51,7 @@ use crate::camera::device_is_adequate;
 use crate::compose::ViewPass;
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
+use crate::recovery::forget_components;
 use crate::{GiSystems, Resolution};
 
 pub(crate) use prepare::SsbcTextures;
@@ -116,7 +117,7 @@ impl Plugin for SsbcPlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         configure_stages(render_app);
         render_app
-            .add_systems(RenderStartup, (pipelines::init_pipelines, prepare::forget_textures))
+            .add_systems(RenderStartup, (pipelines::init_pipelines, forget_components::<SsbcTextures>))
             .add_systems(
                 Render,
                 prepare::prepare_textures.in_set(GiSystems::Prepare).after(crate::view::prepare_view_textures),

@@ -129,10 +129,3 @@ pub(super) fn prepare_textures(
         }
     }
 }
-
-/// A new device knows nothing of the last one's textures.
-pub(super) fn forget_textures(mut commands: Commands, views: Query<Entity, With<SsbcTextures>>) {
-    for entity in &views {
-        commands.entity(entity).remove::<SsbcTextures>();
-    }
-}

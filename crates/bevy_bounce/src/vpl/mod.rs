@@ -39,6 +39,7 @@ use crate::avg::prepare_grid;
 use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
+use crate::recovery::forget_resource;
 use crate::sort::init_sort_pipelines;
 
 pub use counters::vpl_count;
@@ -58,7 +59,7 @@ impl Plugin for VplPlugin {
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         configure_stages(render_app);
         render_app
-            .add_systems(RenderStartup, (init_sort_pipelines, pipelines::init_pipelines))
+            .add_systems(RenderStartup, (init_sort_pipelines, pipelines::init_pipelines, forget_resource::<VplBuffers>))
             .add_systems(Render, prepare::prepare_vpls.in_set(GiSystems::Prepare).after(prepare_grid))
             .add_systems(RenderGraph, passes::trace_vpls.in_set(GiSystems::VplTrace));
     }
