@@ -83,6 +83,7 @@ shaders! {
     "cssm/query.wgsl" => [],
     "cssm/tree.wgsl" => [],
     "cssm/gather.wgsl" => [],
+    "cssm/locate.wgsl" => [],
     "cssm/emit.wgsl" => ["emit"],
     "cssm/direct.wgsl" => ["direct"],
     "cssm/hierarchy.wgsl" => ["leaves", "pull"],

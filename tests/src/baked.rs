@@ -2,12 +2,14 @@
 
 use std::sync::LazyLock;
 
-use bevy::math::Affine3A;
-use bevy_bounce::cssm::words::{self, PAGES};
+use bevy::math::{Affine3A, Vec3};
+use bevy_bounce::cssm::tree::Tree;
+use bevy_bounce::cssm::words::{PAGES, Words};
 use bevy_bounce_bake::{BakeSettings, Scene, Source, bake};
 use bevy_bounce_cssm::CssmFile;
 
 use crate::gpu::{Gpu, Resources};
+use crate::scene::cuboid;
 
 /// The project's own Cornell box.
 pub fn cornell_box() -> &'static CssmFile {
@@ -18,6 +20,19 @@ pub fn cornell_box() -> &'static CssmFile {
 /// The same with few texels: one thread on a software adapter may visit them all.
 pub fn small_cornell_box() -> &'static CssmFile {
     static FILE: LazyLock<CssmFile> = LazyLock::new(|| baked_cornell_box(24, 16));
+    &FILE
+}
+
+/// A block of half a metre a side about the origin, with few texels.
+pub fn small_block() -> &'static CssmFile {
+    static FILE: LazyLock<CssmFile> = LazyLock::new(|| {
+        let corners = cuboid(Vec3::splat(-0.25), Vec3::splat(0.25));
+        let indices = (0..12).map(|triangle| [0, 1, 2].map(|corner| 3 * triangle + corner)).collect();
+        let positions = corners.as_flattened().iter().map(|p| p.to_array().into()).collect();
+        let scene = Scene::from_mesh("block", positions, indices).unwrap_or_else(|error| panic!("{error}"));
+        let settings = BakeSettings { atlas: 16, depth: 16, ..BakeSettings::default() };
+        bake(&scene, &settings, &()).unwrap_or_else(|error| panic!("{error}")).0
+    });
     &FILE
 }
 
@@ -35,14 +50,21 @@ pub fn smallest_page_bits(file: &CssmFile) -> u32 {
     (0..32).find(|bits| blocks <= PAGES << bits).expect("a file is smaller than that")
 }
 
-/// Binds a bake under the names of the shaders, its blocks in pages of that many words, as a power of two.
-pub fn resources(gpu: &Gpu, file: &CssmFile, world_from_object: Affine3A, page_bits: u32) -> Resources {
-    let blocks = |index: usize| words::page(file, index, page_bits).concat();
+/// Binds objects, each with where it stands, under the names of the shaders; blocks in pages of that many words, as a power of
+/// two.
+pub fn resources(gpu: &Gpu, objects: &[(&CssmFile, Affine3A)], page_bits: u32) -> Resources {
+    let trees: Vec<Tree> = objects.iter().map(|(file, _)| Tree::build(file)).collect();
+    let mut words = Words::new(page_bits);
+    for ((file, world_from_object), tree) in objects.iter().zip(&trees) {
+        let added = words.bake(file, tree).and_then(|bake| words.object(bake, *world_from_object));
+        added.unwrap_or_else(|error| panic!("{error:?}"));
+    }
     Resources::new(gpu)
-        .words("texels", &file.texels)
-        .uniform("bake", &words::parameters(file, world_from_object, page_bits))
-        .words("directory", &words::directory(file).concat())
-        .words("blocks_a", &blocks(0))
-        .words("blocks_b", &blocks(1))
-        .words("blocks_c", &blocks(2))
+        .uniform("bakes", &words.table)
+        .words("texels", &words.texels.all().concat())
+        .words("directory", &words.directory.all().concat())
+        .words("blocks_a", &words.page(0).concat())
+        .words("blocks_b", &words.page(1).concat())
+        .words("blocks_c", &words.page(2).concat())
+        .words("tree", &words.trees.all().concat())
 }

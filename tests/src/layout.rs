@@ -56,6 +56,7 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         SsbcParameters,
         HistoryParameters,
         CssmBake,
+        CssmBakes,
         CssmGather,
         CssmLevel,
         CssmSurface,

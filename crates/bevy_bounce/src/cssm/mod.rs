@@ -39,6 +39,7 @@
 //! together with dark ones that are hidden, some light is lost, less with a smaller error.
 
 mod display;
+mod hull;
 mod object;
 mod passes;
 mod pipelines;
@@ -104,8 +105,9 @@ impl Plugin for CssmPlugin {
         configure_stages(render_app);
         render_app
             .init_resource::<object::ExtractedCssm>()
+            .init_resource::<prepare::PreparedBakes>()
             .add_systems(RenderStartup, (pipelines::init_pipelines, prepare::forget))
-            .add_systems(ExtractSchedule, (object::extract_cameras, object::extract_object).chain())
+            .add_systems(ExtractSchedule, (object::extract_cameras, object::extract_objects).chain())
             .add_systems(Render, (prepare::prepare_light, prepare::prepare_views).in_set(GiSystems::Prepare))
             .add_systems(RenderGraph, passes::light_texels.in_set(GiSystems::Cssm))
             .add_systems(Core3d, passes::light_pixels.in_set(ViewPass::Shade));

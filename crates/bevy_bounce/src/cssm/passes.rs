@@ -38,7 +38,7 @@ impl Groups {
         device: &RenderDevice,
         cache: &PipelineCache,
     ) -> Option<Self> {
-        let (bake, gather) = (baked.parameters.binding()?, baked.gather.binding()?);
+        let (bakes, gather) = (baked.bakes.binding()?, baked.gather.binding()?);
         let emit = [
             whole(&scene.geometry),
             whole(&scene.instances),
@@ -50,7 +50,7 @@ impl Groups {
         ];
         let direct = [
             whole(&baked.texels),
-            bake.clone(),
+            bakes.clone(),
             scene.uniform()?,
             whole(&scene.lights),
             gather.clone(),
@@ -59,7 +59,7 @@ impl Groups {
         let hierarchy = |level| {
             let bindings = [
                 whole(&baked.texels),
-                bake.clone(),
+                bakes.clone(),
                 whole(&baked.tree),
                 whole(&baked.powers),
                 whole(&baked.sources),
@@ -70,7 +70,7 @@ impl Groups {
         };
         let bounce = [
             whole(&baked.texels),
-            bake.clone(),
+            bakes.clone(),
             whole(&baked.tree),
             whole(&baked.powers),
             gather,
@@ -87,12 +87,12 @@ impl Groups {
 }
 
 /// Light of every node from that of the texels.
-fn pull(p: &CssmPipelines, groups: &Groups, texels: u32, encoder: &mut CommandEncoder, cache: &PipelineCache) {
+fn pull(p: &CssmPipelines, groups: &Groups, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
     if let Some(group) = groups.hierarchy.first() {
-        p.leaves.dispatch(encoder, cache, &[group], folded(texels.div_ceil(GROUP)));
+        p.leaves.dispatch(encoder, cache, &[group], folded(baked.lights().div_ceil(GROUP)));
     }
     for (level, group) in groups.hierarchy.iter().enumerate().rev() {
-        p.pull.dispatch(encoder, cache, &[group], folded((1_u32 << level).div_ceil(GROUP)));
+        p.pull.dispatch(encoder, cache, &[group], folded(baked.row(level as u32).div_ceil(GROUP)));
     }
 }
 
@@ -106,13 +106,15 @@ pub(super) fn light_texels(
 ) {
     let (Some(mut baked), Some(p), Some(scene)) = (baked, pipelines, scene) else { return };
     let baked = &mut *baked;
-    let Some(wanted) = baked.wanted.clone().filter(|wanted| Some(wanted) != baked.solved.as_ref()) else { return };
+    if baked.wanted == baked.solved {
+        return;
+    }
+    let Some(wanted) = baked.wanted.clone() else { return };
     let Some(groups) = Groups::new(&p, baked, &scene, ctx.render_device(), &cache).filter(|_| p.are_ready(&cache))
     else {
         return;
     };
-    let texels = baked.texel_count();
-    let size = folded(texels.div_ceil(GROUP));
+    let size = folded(baked.lights().div_ceil(GROUP));
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
@@ -120,11 +122,11 @@ pub(super) fn light_texels(
     p.emit.dispatch(encoder, &cache, &[&groups.emit], size);
     p.direct.dispatch(encoder, &cache, &[&groups.direct, &groups.maps], size);
     encoder.clear_buffer(&baked.gathered, 0, None);
-    pull(&p, &groups, texels, encoder, &cache);
+    pull(&p, &groups, baked, encoder, &cache);
     // The pixels' own gather is the last bounce.
     for _ in 1..wanted.bounces {
         p.bounce.dispatch(encoder, &cache, &[&groups.bounce, &groups.maps], size);
-        pull(&p, &groups, texels, encoder, &cache);
+        pull(&p, &groups, baked, encoder, &cache);
     }
     span.end(encoder);
     baked.solved = Some(wanted);
@@ -146,7 +148,7 @@ pub(super) fn light_pixels(
     if gi.technique != Technique::SurfaceRadiosity || !is_lit {
         return;
     }
-    let (Some(bake), Some(settings)) = (baked.parameters.binding(), settings.0.binding()) else { return };
+    let (Some(bakes), Some(settings)) = (baked.bakes.binding(), settings.0.binding()) else { return };
     let view_uniform = BindingResource::Buffer(BufferBinding {
         buffer: view_buffer,
         offset: offset.offset.into(),
@@ -154,7 +156,7 @@ pub(super) fn light_pixels(
     });
     let bindings = [
         whole(&baked.texels),
-        bake,
+        bakes,
         whole(&baked.tree),
         whole(&baked.powers),
         settings,

@@ -36,7 +36,7 @@ fn maps_layout() -> BindGroupLayoutDescriptor {
     group_layout("bounce_cssm_maps", &[read, read, read, read])
 }
 
-/// The bake's maps as group 1.
+/// The bakes' maps as group 1.
 pub(super) fn bind_maps(baked: &Baked, device: &RenderDevice, cache: &PipelineCache) -> BindGroup {
     let [a, b, c] = &baked.pages;
     bind_group(device, cache, &maps_layout(), &[whole(&baked.directory), whole(a), whole(b), whole(c)])
@@ -54,11 +54,11 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let maps = [maps_layout()];
     // Geometry, instances, materials, thumbnails; surfaces, parts; light.
     let emit = [read, read, read, read, read, read, write];
-    // Texels, bake; scene, lights, settings; light.
+    // Texels, bakes; scene, lights, settings; light.
     let direct = [read, uniform, uniform, read, uniform, write];
-    // Texels, bake; tree, nodes' light; light, irradiance, level.
+    // Texels, bakes; tree, nodes' light; light, irradiance, level.
     let hierarchy = [read, uniform, read, write, read, read, uniform];
-    // Texels, bake; tree, nodes' light, settings; irradiance.
+    // Texels, bakes; tree, nodes' light, settings; irradiance.
     let bounce = [read, uniform, read, read, uniform, write];
     // The same; view, surface; light.
     let pixels = [read, uniform, read, read, uniform, uniform, surface, output];
