@@ -60,7 +60,7 @@ impl Options {
         if let Some(path) = &self.stats {
             check_writable(path)?;
         }
-        let without = self.plain_bevy || self.technique == TechniqueOption::None;
+        let without = self.plain_bevy || self.technique() == TechniqueOption::None;
         if without && !matches!(self.isolate(), GiIsolate::All | GiIsolate::Direct) {
             return Err(Error::Usage(
                 "bounced light alone: without a technique there is none; try --technique vpl".into(),
@@ -83,6 +83,11 @@ impl Options {
             forward: self.forward,
             plain_bevy: self.plain_bevy,
         })
+    }
+
+    /// The technique that was asked for.
+    pub fn technique(&self) -> TechniqueOption {
+        self.technique.unwrap_or(TechniqueOption::Vpl)
     }
 
     fn reject_unbuilt(&self) -> Result<(), Error> {
@@ -138,6 +143,7 @@ impl Options {
             None => settings.cssm.filter,
         };
         settings.radiance_cache.glossy = self.glossy == Some(Switch::On);
+        settings.cssm.glossy = self.glossy == Some(Switch::On);
         settings.radiance_cache.caches = self.caches.unwrap_or(settings.radiance_cache.caches);
         settings.radiance_cache.reach = self.cache_reach.unwrap_or(settings.radiance_cache.reach);
         settings.history = match self.temporal {
@@ -145,7 +151,7 @@ impl Options {
             Some(Switch::On) => GiSettings::default().history,
             None => settings.history,
         };
-        let technique = match self.technique {
+        let technique = match self.technique() {
             TechniqueOption::RadianceCache => Technique::RadianceCache,
             TechniqueOption::Cssm => Technique::SurfaceRadiosity,
             _ => Technique::InstantRadiosity,

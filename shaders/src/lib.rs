@@ -84,6 +84,7 @@ shaders! {
     "cssm/tree.wgsl" => [],
     "cssm/gather.wgsl" => [],
     "cssm/locate.wgsl" => [],
+    "cssm/lobe.wgsl" => [],
     "cssm/emit.wgsl" => ["emit"],
     "cssm/direct.wgsl" => ["direct"],
     "cssm/hierarchy.wgsl" => ["leaves", "pull"],

@@ -2,25 +2,47 @@
 
 use std::sync::LazyLock;
 
-use bevy::math::{Affine3A, Vec3};
+use bevy::math::{Affine3A, Quat, Vec3};
 use bevy_bounce::cssm::tree::Tree;
 use bevy_bounce::cssm::words::{PAGES, Words};
+use bevy_bounce_bake::scene::Part;
 use bevy_bounce_bake::{BakeSettings, Scene, Source, bake};
 use bevy_bounce_cssm::CssmFile;
+use bevy_bounce_examples::scenes::{Block, CornellBox};
 
 use crate::gpu::{Gpu, Resources};
 use crate::scene::cuboid;
 
 /// The project's own Cornell box.
 pub fn cornell_box() -> &'static CssmFile {
-    static FILE: LazyLock<CssmFile> = LazyLock::new(|| baked_cornell_box(64, 32));
+    static FILE: LazyLock<CssmFile> = LazyLock::new(|| baked(&scene("cornell_box.glb"), 64, 32));
     &FILE
 }
 
 /// The same with few texels: one thread on a software adapter may visit them all.
 pub fn small_cornell_box() -> &'static CssmFile {
-    static FILE: LazyLock<CssmFile> = LazyLock::new(|| baked_cornell_box(24, 16));
+    static FILE: LazyLock<CssmFile> = LazyLock::new(|| baked(&scene("cornell_box.glb"), 24, 16));
     &FILE
+}
+
+/// The Cornell box without its short block, and that block by itself, in the space of its node; with atlases of those sizes.
+pub fn cornell_box_in_two(atlases: [u32; 2]) -> [CssmFile; 2] {
+    let whole = scene("cornell_box.glb");
+    let is_block = |part: &Part| part.name.contains(CornellBox::BLOCKS[1].name);
+    let [mut room, mut block] = [whole.clone(), whole];
+    room.parts.retain(|part| !is_block(part));
+    block.parts.retain(is_block);
+    let Block { base, half_turn: [sine, cosine], .. } = CornellBox::BLOCKS[1];
+    let back = Quat::from_xyzw(0.0, sine, 0.0, cosine).inverse();
+    for part in &mut block.parts {
+        for position in &mut part.positions {
+            *position = (back * (Vec3::from(position.to_array()) - base)).to_array().into();
+        }
+        for normal in part.normals.iter_mut().flatten() {
+            *normal = (back * Vec3::from(normal.to_array())).to_array().into();
+        }
+    }
+    [baked(&room, atlases[0], 32), baked(&block, atlases[1], 32)]
 }
 
 /// A block of half a metre a side about the origin, with few texels.
@@ -29,19 +51,27 @@ pub fn small_block() -> &'static CssmFile {
         let corners = cuboid(Vec3::splat(-0.25), Vec3::splat(0.25));
         let indices = (0..12).map(|triangle| [0, 1, 2].map(|corner| 3 * triangle + corner)).collect();
         let positions = corners.as_flattened().iter().map(|p| p.to_array().into()).collect();
-        let scene = Scene::from_mesh("block", positions, indices).unwrap_or_else(|error| panic!("{error}"));
-        let settings = BakeSettings { atlas: 16, depth: 16, ..BakeSettings::default() };
-        bake(&scene, &settings, &()).unwrap_or_else(|error| panic!("{error}")).0
+        let block = Scene::from_mesh("block", positions, indices).unwrap_or_else(|error| panic!("{error}"));
+        baked(&block, 16, 16)
     });
     &FILE
 }
 
-fn baked_cornell_box(atlas: u32, depth: u32) -> CssmFile {
-    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/cornell_box.glb");
+/// The balls in the box, with their lamp.
+pub fn glossy_box() -> &'static CssmFile {
+    static FILE: LazyLock<CssmFile> = LazyLock::new(|| baked(&scene("glossy_box.glb"), 112, 32));
+    &FILE
+}
+
+fn scene(name: &str) -> Scene {
+    let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets").join(name);
     let source = Source::open(&path).unwrap_or_else(|error| panic!("{error}"));
-    let scene = Scene::from_gltf(&source).unwrap_or_else(|error| panic!("{error}"));
+    Scene::from_gltf(&source).unwrap_or_else(|error| panic!("{error}"))
+}
+
+fn baked(scene: &Scene, atlas: u32, depth: u32) -> CssmFile {
     let settings = BakeSettings { atlas, depth, ..BakeSettings::default() };
-    bake(&scene, &settings, &()).unwrap_or_else(|error| panic!("{error}")).0
+    bake(scene, &settings, &()).unwrap_or_else(|error| panic!("{error}")).0
 }
 
 /// The smallest page of which there are enough for the file.

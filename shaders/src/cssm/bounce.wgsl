@@ -20,7 +20,11 @@ fn bounce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     let first = bakes.objects[object].first_light;
     let index = leaf_texel(object, at - first);
     let texel = load_texel(object, index);
-    let receiver = Receiver(to_world(object, texel.position), turn_to_world(object, texel.normal), object, texel);
+    var receiver: Receiver;
+    receiver.position = to_world(object, texel.position);
+    receiver.normal = turn_to_world(object, texel.normal);
+    receiver.object = object;
+    receiver.texel = texel;
     let result = gather(receiver, hash(first + index));
     gathered[first + index] = vec4<f32>(result.light, f32(result.cut));
 }

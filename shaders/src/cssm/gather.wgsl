@@ -3,7 +3,7 @@
 // 2005).
 //
 // A node is refined where the light that could come from it, if all of it stood and faced as favourably as its sphere and its
-// cone allow, is more than the threshold. A node that is not refined sends its light from one of its texels, another one for
+// cone allow, is more than the threshold; for a glossy receiver, with what it mirrors. A node that is not refined sends its light from one of its texels, another one for
 // each receiver.
 //
 // What hides a sender is asked of the cube map of the sender, then of that of the receiver if it is on another object, then of the
@@ -22,6 +22,9 @@
 #import bevy_bounce::cssm::types::CssmGather
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::NONE
+#ifdef GLOSSY
+#import bevy_bounce::cssm::lobe::{largest_weight, lobe_weight, make_lobe, Lobe}
+#endif
 
 /// Of each object its nodes, then the texels of the leaves, four at a time.
 @group(0) @binding(2) var<storage, read> tree: array<vec4<u32>>;
@@ -40,6 +43,24 @@ struct Receiver {
     object: u32,
     /// The texel that it is on.
     texel: Texel,
+#ifdef GLOSSY
+    /// Towards the eye.
+    view: vec3<f32>,
+    /// Perceptual.
+    roughness: f32,
+    /// Largest reflectance, of its colours, straight on.
+    f_zero: f32,
+#endif
+}
+
+// The same in an object's space.
+struct Local {
+    object: u32,
+    position: vec3<f32>,
+    normal: vec3<f32>,
+#ifdef GLOSSY
+    lobe: Lobe,
+#endif
 }
 
 struct Gathered {
@@ -47,6 +68,10 @@ struct Gathered {
     light: vec3<f32>,
     /// Nodes of the cut.
     cut: u32,
+#ifdef GLOSSY
+    /// Radiance convolved with the receiver's lobe, cd/m^2.
+    glossy: vec3<f32>,
+#endif
 }
 
 fn leaf_texel(object: u32, rank: u32) -> u32 {
@@ -68,10 +93,10 @@ fn widened_cosine(cosine: f32, slack: f32) -> f32 {
     return cosine * slack + sqrt(max(1.0 - cosine * cosine, 0.0) * max(1.0 - slack * slack, 0.0));
 }
 
-// Geometry term that no texel of the node exceeds, times pi; negative where nothing of it can be received, and infinite where
-// the point is among the texels.
-fn largest_transfer(node: Node, position: vec3<f32>, normal: vec3<f32>) -> f32 {
-    let way = node.center - position;
+// Light that a node's power brings at most, per unit; negative where nothing of it can be received, and infinite where the
+// receiver is among the texels.
+fn largest_transfer(node: Node, local: Local) -> f32 {
+    let way = node.center - local.position;
     let square = dot(way, way);
     let distance = sqrt(square);
     if distance <= node.radius * 1.0001 {
@@ -81,7 +106,7 @@ fn largest_transfer(node: Node, position: vec3<f32>, normal: vec3<f32>) -> f32 {
     // Half the angle under which the sphere is seen.
     let sine = node.radius / distance;
     let cosine = sqrt(max(1.0 - sine * sine, 0.0));
-    let receiver = widened_cosine(dot(normal, direction), cosine);
+    let receiver = widened_cosine(dot(local.normal, direction), cosine);
     // The cone of normals and that angle together.
     let cone_sine = sqrt(max(1.0 - node.cosine * node.cosine, 0.0));
     var sender = 1.0;
@@ -91,8 +116,12 @@ fn largest_transfer(node: Node, position: vec3<f32>, normal: vec3<f32>) -> f32 {
     if receiver <= 0.0 || sender <= 0.0 {
         return -1.0;
     }
+    var received = receiver / PI;
+#ifdef GLOSSY
+    received += local.lobe.reflected * largest_weight(local.lobe, direction, cosine);
+#endif
     let nearest = distance - node.radius;
-    return receiver * sender / (nearest * nearest);
+    return received * sender / (nearest * nearest);
 }
 
 // Lambert's sum over the edges of a polygon: the edge between two directions.
@@ -139,39 +168,53 @@ fn shared_view(object: u32, texel: Texel, receiver: Receiver, position: vec3<f32
     return seen;
 }
 
-// Geometry of a receiver in an object's space.
-struct Local {
-    object: u32,
-    position: vec3<f32>,
-    normal: vec3<f32>,
-}
-
-// Light from one texel in the name of a node, whose power that is.
-fn transfer(index: u32, is_leaf: bool, power: vec4<f32>, local: Local, receiver: Receiver) -> vec3<f32> {
+// Adds light from one texel in the name of a node, whose power that is.
+fn add_transfer(
+    result: ptr<function, Gathered>, index: u32, is_leaf: bool, power: vec4<f32>, local: Local, receiver: Receiver,
+) {
     let texel = load_texel(local.object, index);
     let way = texel.position - local.position;
     let square = dot(way, way);
     let sender = -dot(texel.normal, way);
     if sender <= 0.0 {
-        return vec3<f32>(0.0);
+        return;
     }
     // Of a disc of the node's area, faced from its axis; of a square where that would not do.
-    var form_factor = max(dot(local.normal, way), 0.0) * sender * power.w / (square * (PI * square + power.w));
+    let disc = sender * power.w / (square * (PI * square + power.w));
+    var form_factor = max(dot(local.normal, way), 0.0) * disc;
     if is_leaf && square < NEAR * texel.area {
         form_factor = square_form_factor(way, texel.normal, texel.area, local.normal);
     }
     if form_factor <= 0.0 {
-        return vec3<f32>(0.0);
+        return;
     }
-    return power.rgb * (form_factor / power.w * shared_view(local.object, texel, receiver, local.position));
+    let radiance = power.rgb * (shared_view(local.object, texel, receiver, local.position) / power.w);
+    (*result).light += radiance * form_factor;
+#ifdef GLOSSY
+    let distance = sqrt(square);
+    let solid_angle = PI * disc * distance;
+    (*result).glossy += radiance * (solid_angle * lobe_weight(local.lobe, way / distance, solid_angle));
+#endif
+}
+
+fn to_local(object: u32, receiver: Receiver) -> Local {
+    var local: Local;
+    local.object = object;
+    local.position = to_object(object, receiver.position);
+    local.normal = turn_to_object(object, receiver.normal);
+#ifdef GLOSSY
+    let view = turn_to_object(object, receiver.view);
+    local.lobe = make_lobe(local.normal, view, receiver.roughness, receiver.f_zero);
+#endif
+    return local;
 }
 
 fn gather_from(object: u32, receiver: Receiver, seed: u32) -> Gathered {
-    let local = Local(object, to_object(object, receiver.position), turn_to_object(object, receiver.normal));
+    let local = to_local(object, receiver);
     let first_node = bakes.objects[object].first_node;
     let first_power = 2u * bakes.objects[object].first_light;
     let end = node_count(object);
-    var result = Gathered(vec3<f32>(0.0), 0u);
+    var result = Gathered();
     var index = 0u;
     var rank = 0u;
     while index < end {
@@ -180,15 +223,14 @@ fn gather_from(object: u32, receiver: Receiver, seed: u32) -> Gathered {
         let power = powers[first_power + index];
         let most = max(power.r, max(power.g, power.b));
         if most > 0.0 {
-            let bound = largest_transfer(node, local.position, local.normal) / PI;
+            let bound = largest_transfer(node, local);
             if count > 1u && bound * most > settings.threshold {
                 index += 1u;
                 continue;
             }
             if bound > 0.0 {
                 let pick = hash(seed ^ hash(first_power + index)) % count;
-                let sender = leaf_texel(object, rank + pick);
-                result.light += transfer(sender, count == 1u, power, local, receiver);
+                add_transfer(&result, leaf_texel(object, rank + pick), count == 1u, power, local, receiver);
                 result.cut += 1u;
             }
         }
@@ -200,11 +242,14 @@ fn gather_from(object: u32, receiver: Receiver, seed: u32) -> Gathered {
 
 /// Light from all objects; `seed` is another one for each receiver.
 fn gather(receiver: Receiver, seed: u32) -> Gathered {
-    var result = Gathered(vec3<f32>(0.0), 0u);
+    var result = Gathered();
     for (var object = 0u; object < bakes.count; object++) {
         let part = gather_from(object, receiver, seed);
         result.light += part.light;
         result.cut += part.cut;
+#ifdef GLOSSY
+        result.glossy += part.glossy;
+#endif
     }
     return result;
 }

@@ -6,7 +6,6 @@
 #define_import_path bevy_bounce::cssm::locate
 
 #import bevy_bounce::cssm::gather::{leaf_texel, tree}
-#import bevy_bounce::cssm::query::is_outside
 #import bevy_bounce::cssm::texels::{bakes, load_texel, to_object, turn_to_object}
 #import bevy_bounce::cssm::tree::{node_count, unpack_node}
 #import bevy_bounce::shared::scene::NONE
@@ -28,7 +27,8 @@ fn locate(position: vec3<f32>, normal: vec3<f32>) -> Located {
     for (var object = 0u; object < bakes.count; object++) {
         let bake = &bakes.objects[object];
         let point = to_object(object, position);
-        if is_outside(object, point) {
+        // Of a surface in the plane of a side, pixels lie a little off it: rasterisation rounds.
+        if any(point < (*bake).bounds_min - (*bake).reach) || any(point > (*bake).bounds_max + (*bake).reach) {
             continue;
         }
         let facing = turn_to_object(object, normal);

@@ -238,7 +238,7 @@ pub(super) fn prepare_compose_pipelines(
             commands.entity(entity).remove::<(ViewPipelines, SkipDeferredLighting)>();
             continue;
         }
-        let glossy = gi.settings.radiance_cache.glossy;
+        let glossy = gi.settings.has_glossy_light();
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, (key, pass));
         let view_pipelines = ViewPipelines {
             direct: pipeline(Pass::Direct),

@@ -84,7 +84,7 @@ pub(super) fn extract_cameras(
         if !camera.is_active || gi.technique != Technique::SurfaceRadiosity {
             continue;
         }
-        let settings = gi.quality.settings();
+        let settings = gi.settings();
         let exposure = exposure.copied().unwrap_or_default().exposure();
         let gather = displays.gather(&settings, exposure, tonemapping.copied().unwrap_or(Tonemapping::None));
         commands.entity(render_entity).insert(CssmView(gather));

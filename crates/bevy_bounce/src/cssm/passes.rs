@@ -1,5 +1,6 @@
 //! Light the texels, when something has changed; then the pixels.
 
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
@@ -133,16 +134,16 @@ pub(super) fn light_texels(
     baked.times_lit += 1;
 }
 
-/// The final gather of a view into `indirect`.
+/// The final gather of a view into `indirect`, and into `glossy` where there is such light.
 pub(super) fn light_pixels(
-    view: ViewQuery<(&GiView, &CssmViewUniform, &ViewTextures, &ViewUniformOffset)>,
+    view: ViewQuery<(&GiView, &CssmViewUniform, &ViewTextures, &ViewPrepassTextures, &ViewUniformOffset)>,
     baked: Option<Res<Baked>>,
     pipelines: Option<Res<CssmPipelines>>,
     view_uniforms: Res<ViewUniforms>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (gi, settings, textures, offset) = view.into_inner();
+    let (gi, settings, textures, prepass, offset) = view.into_inner();
     let (Some(baked), Some(p), Some(view_buffer)) = (baked, pipelines, view_uniforms.uniforms.buffer()) else { return };
     let is_lit = baked.wanted.is_some() && baked.wanted == baked.solved;
     if gi.technique != Technique::SurfaceRadiosity || !is_lit {
@@ -154,7 +155,7 @@ pub(super) fn light_pixels(
         offset: offset.offset.into(),
         size: Some(ViewUniform::min_size()),
     });
-    let bindings = [
+    let mut bindings = vec![
         whole(&baked.texels),
         bakes,
         whole(&baked.tree),
@@ -164,13 +165,18 @@ pub(super) fn light_pixels(
         BindingResource::TextureView(&textures.surface),
         BindingResource::TextureView(&textures.indirect),
     ];
-    let group = p.pixels.bind(ctx.render_device(), &cache, &bindings);
+    let mut kernel = &p.pixels;
+    if let (Some(glossy), Some(deferred)) = (&textures.glossy, prepass.deferred_view()) {
+        bindings.extend([BindingResource::TextureView(deferred), BindingResource::TextureView(glossy)]);
+        kernel = &p.glossy_pixels;
+    }
+    let group = kernel.bind(ctx.render_device(), &cache, &bindings);
     let maps = bind_maps(&baked, ctx.render_device(), &cache);
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/cssm_pixels");
     let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE));
-    p.pixels.dispatch(encoder, &cache, &[&group, &maps], tiles.extend(1));
+    kernel.dispatch(encoder, &cache, &[&group, &maps], tiles.extend(1));
     span.end(encoder);
 }

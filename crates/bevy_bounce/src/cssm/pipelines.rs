@@ -21,6 +21,8 @@ pub(super) struct CssmPipelines {
     pub pull: Kernel,
     pub bounce: Kernel,
     pub pixels: Kernel,
+    /// With glossy light.
+    pub glossy_pixels: Kernel,
 }
 
 impl CssmPipelines {
@@ -48,9 +50,10 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let write = storage_buffer_sized(false, None);
     let surface = texture_2d(TextureSampleType::Uint);
     let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
-    let kernel = |path, entry, bindings: &[_], groups: &[_]| {
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs: vec![] })
+    let kernel_with = |path, entry, bindings: &[_], groups: &[_], defs| {
+        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
     };
+    let kernel = |path, entry, bindings: &[_], groups: &[_]| kernel_with(path, entry, bindings, groups, vec![]);
     let maps = [maps_layout()];
     // Geometry, instances, materials, thumbnails; surfaces, parts; light.
     let emit = [read, read, read, read, read, read, write];
@@ -60,14 +63,15 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let hierarchy = [read, uniform, read, write, read, read, uniform];
     // Texels, bakes; tree, nodes' light, settings; irradiance.
     let bounce = [read, uniform, read, read, uniform, write];
-    // The same; view, surface; light.
-    let pixels = [read, uniform, read, read, uniform, uniform, surface, output];
+    // The same; view, surface; light; G-buffer, glossy light.
+    let pixels = [read, uniform, read, read, uniform, uniform, surface, output, surface, output];
     commands.insert_resource(CssmPipelines {
         emit: kernel("cssm/emit.wgsl", "emit", &emit, &[]),
         direct: kernel("cssm/direct.wgsl", "direct", &direct, &maps),
         leaves: kernel("cssm/hierarchy.wgsl", "leaves", &hierarchy, &[]),
         pull: kernel("cssm/hierarchy.wgsl", "pull", &hierarchy, &[]),
         bounce: kernel("cssm/bounce.wgsl", "bounce", &bounce, &maps),
-        pixels: kernel("cssm/pixels.wgsl", "pixels", &pixels, &maps),
+        pixels: kernel("cssm/pixels.wgsl", "pixels", &pixels[..8], &maps),
+        glossy_pixels: kernel_with("cssm/pixels.wgsl", "pixels", &pixels, &maps, vec!["GLOSSY".into()]),
     });
 }

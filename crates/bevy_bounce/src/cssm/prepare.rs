@@ -127,7 +127,7 @@ fn filled(device: &RenderDevice, label: &'static str, pieces: &[&[u32]]) -> Buff
 
 impl Baked {
     /// Uploads the words of the objects' bakes, each once. Says which of them found no room.
-    pub fn new<'a>(
+    pub(super) fn new<'a>(
         device: &RenderDevice,
         objects: impl Iterator<Item = (AssetId<CssmAsset>, &'a CssmFile)>,
         prepared: &'a PreparedBakes,
