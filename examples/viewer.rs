@@ -41,7 +41,7 @@ fn main() -> ExitCode {
 
 fn view(cli: &Cli) -> Result<(), Error> {
     let run = cli.options.check()?;
-    let by_bake = cli.options.technique == TechniqueOption::Cssm;
+    let by_bake = cli.options.technique() == TechniqueOption::Cssm;
     if cli.bake.is_some() && !by_bake {
         return Err(Error::Usage("--bake: baked visibility is for --technique cssm".into()));
     }

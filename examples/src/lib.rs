@@ -47,12 +47,29 @@ pub fn launch(name: &'static str, scene: impl FnOnce(&mut App)) -> ExitCode {
 
 /// The same, with what the example chooses where the command line does not.
 pub fn launch_with(name: &'static str, choose: impl FnOnce(&mut Options), scene: impl FnOnce(&mut App)) -> ExitCode {
+    run_example(name, choose, false, scene)
+}
+
+/// The same for a scene that is baked: baked visibility is its technique where the command line does not say otherwise.
+pub fn launch_baked(name: &'static str, scene: impl FnOnce(&mut App)) -> ExitCode {
+    let choose = |options: &mut Options| {
+        options.technique.get_or_insert(TechniqueOption::Cssm);
+    };
+    run_example(name, choose, true, scene)
+}
+
+fn run_example(
+    name: &'static str,
+    choose: impl FnOnce(&mut Options),
+    is_baked: bool,
+    scene: impl FnOnce(&mut App),
+) -> ExitCode {
     error::exit(name, || {
         let mut cli: Cli = options::parse(name)?;
         choose(&mut cli.options);
         let run = cli.options.check()?;
-        if cli.options.technique == TechniqueOption::Cssm {
-            return Err(Error::Usage("--technique cssm: nothing is baked here; try the viewer".into()));
+        if cli.options.technique() == TechniqueOption::Cssm && !is_baked {
+            return Err(Error::Usage("--technique cssm: nothing is baked here; try cssm_heads or the viewer".into()));
         }
         app::launch(run, None, scene)
     })

@@ -25,9 +25,9 @@ pub struct Options {
     /// Frames before the capture, after pipelines are ready [default: 1; with --stats 32; with --time 60 a second]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     pub frames: Option<u32>,
-    /// How indirect light is computed
-    #[arg(long, value_enum, default_value_t = TechniqueOption::Vpl)]
-    pub technique: TechniqueOption,
+    /// How indirect light is computed [default: vpl, or as the example has it]
+    #[arg(long, value_enum)]
+    pub technique: Option<TechniqueOption>,
     /// How much is spent on it
     #[arg(long, value_enum, default_value_t = QualityOption::Medium)]
     pub quality: QualityOption,
@@ -82,7 +82,7 @@ pub struct Options {
     /// Bounced light averaged over frames [default: as the quality has it]
     #[arg(long, value_enum)]
     pub temporal: Option<Switch>,
-    /// Glossy indirect light beside virtual point lights [default: off, or as the example has it]
+    /// Glossy indirect light beside virtual point lights, or from baked texels [default: off, or as the example has it]
     #[arg(long, value_enum)]
     pub glossy: Option<Switch>,
     /// Animation time of the capture, reached by fixed steps from 0: in --frames equal steps, or 60 a second

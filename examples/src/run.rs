@@ -63,7 +63,7 @@ impl Options {
         if let Some(path) = &self.stats {
             check_writable(path)?;
         }
-        let without = self.plain_bevy || self.technique == TechniqueOption::None;
+        let without = self.plain_bevy || self.technique() == TechniqueOption::None;
         if without && !matches!(self.isolate(), GiIsolate::All | GiIsolate::Direct) {
             return Err(Error::Usage(
                 "bounced light alone: without a technique there is none; try --technique vpl".into(),
@@ -87,6 +87,11 @@ impl Options {
             forward: self.forward,
             plain_bevy: self.plain_bevy,
         })
+    }
+
+    /// The technique that was asked for.
+    pub fn technique(&self) -> TechniqueOption {
+        self.technique.unwrap_or(TechniqueOption::Vpl)
     }
 
     fn reject_unbuilt(&self) -> Result<(), Error> {
@@ -139,6 +144,7 @@ impl Options {
             None => settings.cssm.filter,
         };
         settings.radiance_cache.glossy = self.glossy == Some(Switch::On);
+        settings.cssm.glossy = self.glossy == Some(Switch::On);
         settings.radiance_cache.caches = self.caches.unwrap_or(settings.radiance_cache.caches);
         settings.radiance_cache.reach = self.cache_reach.unwrap_or(settings.radiance_cache.reach);
         settings.history = match self.temporal {
@@ -146,7 +152,7 @@ impl Options {
             Some(Switch::On) => GiSettings::default().history,
             None => settings.history,
         };
-        let technique = match self.technique {
+        let technique = match self.technique() {
             TechniqueOption::RadianceCache => Technique::RadianceCache,
             TechniqueOption::Cssm => Technique::SurfaceRadiosity,
             _ => Technique::InstantRadiosity,

@@ -88,6 +88,8 @@ shaders! {
     "cssm/query.wgsl" => [],
     "cssm/tree.wgsl" => [],
     "cssm/gather.wgsl" => [],
+    "cssm/locate.wgsl" => [],
+    "cssm/lobe.wgsl" => [],
     "cssm/emit.wgsl" => ["emit"],
     "cssm/direct.wgsl" => ["direct"],
     "cssm/hierarchy.wgsl" => ["leaves", "pull"],

@@ -476,7 +476,11 @@ pub struct HistoryParameters {
     pub padding: u32,
 }
 
-/// A baked object: where it stands, and how its words are read. Lengths are world units of the object's own space.
+/// Baked objects that are lit at a time, at most.
+pub const CSSM_OBJECTS: usize = 64;
+
+/// A baked object: where it stands, and where its words are and how they are read. Lengths are world units of the object's own
+/// space.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct CssmBake {
     /// First row of the affine matrix from the object's space to the world.
@@ -513,15 +517,52 @@ pub struct CssmBake {
     pub csm_grid: u32,
     /// Side of a map from outside, pixels.
     pub csm_side: u32,
-    /// Where in the directory that of the maps from outside begins.
+    /// Levels of the hierarchy below its root.
+    pub levels: u32,
+    /// From the middle of a square of the largest texel's area to its corners.
+    pub reach: f32,
+    /// First of its places in the arrays of light: other objects of the same bake have others.
+    pub first_light: u32,
+    /// First of its texels' records.
+    pub first_texel: u32,
+    /// First of its nodes; its leaves are behind them.
+    pub first_node: u32,
+    /// Where in the directory that of its cube maps begins.
+    pub directory: u32,
+    /// Where in the directory that of its maps from outside begins.
     pub csm_directory: u32,
-    /// Where in the blocks those of the maps from outside begin.
+    /// Where in the blocks those of its cube maps begin.
+    pub blocks: u32,
+    /// Where in the blocks those of its maps from outside begin.
     pub csm_blocks: u32,
-    /// Words of a page of blocks, as a power of two.
-    pub page_bits: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_a: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_b: u32,
 }
 
-/// How light is gathered from a baked object.
+/// All baked objects.
+#[derive(ShaderType, Clone, Copy, Debug, PartialEq)]
+pub struct CssmBakes {
+    /// Objects.
+    pub count: u32,
+    /// Places in the arrays of light: the texels of all objects.
+    pub lights: u32,
+    /// Words of a page of blocks, as a power of two.
+    pub page_bits: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding: u32,
+    /// In the order of their places in the arrays of light.
+    pub objects: [CssmBake; CSSM_OBJECTS],
+}
+
+impl Default for CssmBakes {
+    fn default() -> Self {
+        Self { count: 0, lights: 0, page_bits: 0, padding: 0, objects: [CssmBake::default(); CSSM_OBJECTS] }
+    }
+}
+
+/// How light is gathered from baked objects.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct CssmGather {
     /// Light, cd/m^2, below which a node's share is not refined.
@@ -534,7 +575,7 @@ pub struct CssmGather {
     pub padding_b: u32,
 }
 
-/// A level of the hierarchy.
+/// A level of the hierarchies.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct CssmLevel {
     /// Steps from the root.
@@ -544,7 +585,7 @@ pub struct CssmLevel {
 /// Which triangle a texel of a baked object shows.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct CssmSurface {
-    /// Part of the bake, or [`NONE`].
+    /// Part, of those of all baked objects, or [`NONE`].
     pub part: u32,
     /// Triangle within the part.
     pub triangle: u32,

@@ -57,6 +57,7 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         SsbcParameters,
         HistoryParameters,
         CssmBake,
+        CssmBakes,
         CssmGather,
         CssmLevel,
         CssmSurface,

@@ -22,6 +22,7 @@
 //! they are absent instead of skipping by name.
 
 pub mod baked;
+pub mod balls;
 pub mod compose;
 pub mod eye;
 pub mod flip;

@@ -1,6 +1,6 @@
 //! A scene rendered without a window, frame by frame, with the helpers of the examples.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use bevy::prelude::*;
@@ -9,7 +9,9 @@ use bevy_bounce::{
     CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, Resolution, SsbcSettings,
     Technique, VplVisibility,
 };
+use bevy_bounce_cssm::CssmFile;
 use bevy_bounce_examples::capture::{self, CaptureScene, Targets};
+use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
 use bevy_bounce_examples::{Run, app, headless};
 
 use crate::gpu::webgpu_limits;
@@ -70,6 +72,17 @@ impl Stage {
         }
         stage.frame(Duration::ZERO);
         stage
+    }
+
+    /// One of the project's own assets, with that bake of the whole.
+    pub fn of_asset(name: &str, run: Run, matte: bool, bake: Option<CssmFile>) -> Self {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets").join(name);
+        let file = SceneFile::open(&path).unwrap_or_else(|error| panic!("{error}"));
+        let camera = file.camera(None).unwrap_or_else(|error| panic!("{error}")).cloned();
+        let folder = file.folder();
+        Self::with_assets(run, Some(folder), |app| {
+            app.add_plugins(GltfScenePlugin { file, camera, matte, flip_textures: false, bake });
+        })
     }
 
     /// The world, to change it between frames.

@@ -34,7 +34,7 @@ pub enum Technique {
     /// Caches of incident light on what the camera sees, filled by cones through the lit voxel grid: diffuse and glossy.
     /// Rehfeld et al. 2014.
     RadianceCache,
-    /// Radiosity between the texels of a baked object, see [`CssmObject`](crate::CssmObject). Ritschel et al. 2008.
+    /// Radiosity between the texels of baked objects, see [`CssmObject`](crate::CssmObject). Ritschel et al. 2008.
     SurfaceRadiosity,
 }
 
@@ -155,6 +155,7 @@ impl GlobalIllumination {
             settings.ssbc = SsbcSettings::OFF;
             settings.radiance_cache.glossy = self.technique == Technique::RadianceCache;
         }
+        settings.cssm.glossy &= self.technique == Technique::SurfaceRadiosity;
         settings
     }
 
@@ -182,6 +183,11 @@ impl GiSettings {
     /// Whether light is averaged over frames.
     pub(crate) fn has_history(&self) -> bool {
         self.history > 1
+    }
+
+    /// Whether glossy light is gathered.
+    pub(crate) fn has_glossy_light(&self) -> bool {
+        self.radiance_cache.glossy || self.cssm.glossy
     }
 
     /// Whether the voxels are lit.

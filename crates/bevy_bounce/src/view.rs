@@ -139,7 +139,7 @@ pub(crate) fn prepare_view_textures(
     let limit = device.limits().max_texture_dimension_2d;
     for (entity, gi, camera, view, resolution_override, textures) in &views {
         let size = main_pass_size(camera, view, resolution_override).filter(|size| size.max_element() <= limit);
-        let glossy = gi.settings.radiance_cache.glossy;
+        let glossy = gi.settings.has_glossy_light();
         if size.map(|size| (size, glossy)) == textures.map(|textures| (textures.size, textures.glossy.is_some())) {
             continue;
         }

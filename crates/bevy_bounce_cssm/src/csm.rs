@@ -7,7 +7,7 @@
 
 use crate::block::LANES;
 use crate::cube::group_and_row;
-use crate::{CssmFile, Quantizer, octahedral};
+use crate::{CssmFile, Meta, Quantizer, Texel, octahedral};
 
 /// Side of a block of directions.
 const SQUARE: u32 = 8;
@@ -36,18 +36,46 @@ pub fn slot([x, y]: [u32; 2], grid: u32) -> (usize, usize) {
 }
 
 impl CssmFile {
-    /// Whether the object blocks the way between two points outside its hull, as far as its maps from outside tell.
+    /// Whether the object blocks the way from a point outside its hull to another one, as far as its maps from outside tell.
     /// Without such maps nothing is blocked. In world units of the object's space.
     pub fn blocks(&self, from: [f32; 3], to: [f32; 3]) -> bool {
         let way: [f32; 3] = std::array::from_fn(|axis| to[axis] - from[axis]);
         let center = self.meta.csm_center;
         // Where the way is nearest to the centre: there the map's rays, which run a little askew, are off by least.
         let along = dot(way, std::array::from_fn(|axis| center[axis] - from[axis])) / dot(way, way);
-        let nearest = std::array::from_fn(|axis| from[axis] + along * way[axis]);
+        let along = along.clamp(0.0, 1.0);
+        let nearest: [f32; 3] = std::array::from_fn(|axis| from[axis] + along * way[axis]);
+        let offset = std::array::from_fn(|axis| nearest[axis] - center[axis]);
+        if dot(offset, offset) >= self.meta.csm_radius * self.meta.csm_radius {
+            return false;
+        }
         let Some((depth, surface)) = self.outside_depth(nearest, way) else { return false };
         let length = dot(way, way).sqrt();
         let start = depth - along * length;
         surface.is_finite() && start < surface && surface < start + length
+    }
+
+    /// Whether a point lies in the object's box.
+    pub fn holds(&self, point: [f32; 3]) -> bool {
+        let Meta { bounds_min, bounds_max, lift, .. } = self.meta;
+        (0..3).all(|axis| point[axis] >= bounds_min[axis] - lift && point[axis] <= bounds_max[axis] + lift)
+    }
+
+    /// Whether the object lets a texel of it see a point that may be on another object. Where a ray leaves the object through
+    /// its only surface the cube map leaves open where that is: outside the box the maps from outside are asked as well.
+    pub fn sees(&self, texel: &Texel, point: [f32; 3]) -> bool {
+        let way = std::array::from_fn(|axis| texel.position[axis] - point[axis]);
+        self.visible(texel, point) && (self.holds(point) || self.seen_from_outside(texel.position, way))
+    }
+
+    /// Whether the object stands between two points that are not on it. It is asked from outside its box; what lies between two
+    /// points within that is not known.
+    pub fn stands_between(&self, a: [f32; 3], b: [f32; 3]) -> bool {
+        match (self.holds(a), self.holds(b)) {
+            (false, _) => self.blocks(a, b),
+            (true, false) => self.blocks(b, a),
+            (true, true) => false,
+        }
     }
 
     /// Whether a point of the object is seen from far away by rays along `direction`, as far as its maps from outside

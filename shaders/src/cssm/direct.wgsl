@@ -1,11 +1,13 @@
-// Direct light into the texels of a baked object, with Bevy's units, cones and ranges. Shadows are the object's own: of lights
-// within its box by the texel's cube map, of those outside by the maps from outside.
+// Direct light into the texels of baked objects, with Bevy's units, cones and ranges. Shadows are those of the objects: of its
+// own by the texel's cube map, of others by their maps from outside.
 //
-// Cost: one thread a texel; a query of visibility for each light that it faces.
+// Cost: one thread a texel; a query of visibility for each light that it faces, and one for each other object on the way.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::cssm::query::{visibility, is_seen_from_outside}
-#import bevy_bounce::cssm::texels::{bake, load_texel, to_object, to_world, turn_to_object, turn_to_world, Texel}
+#import bevy_bounce::cssm::query::{is_hidden, is_seen_from_outside, sight}
+#import bevy_bounce::cssm::texels::{
+    bakes, load_texel, object_of, to_object, to_world, turn_to_object, turn_to_world, Texel,
+}
 #import bevy_bounce::cssm::types::CssmGather
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL}
@@ -27,52 +29,67 @@ fn range_window(range: f32, square: f32) -> f32 {
     return window * window;
 }
 
-fn directional(texel: Texel, normal: vec3<f32>, light: Light) -> vec3<f32> {
-    let cosine = -dot(normal, light.direction);
-    if cosine <= 0.0 || !is_seen_from_outside(texel.position, turn_to_object(light.direction)) {
+// A texel in the world.
+struct Place {
+    object: u32,
+    texel: Texel,
+    position: vec3<f32>,
+    normal: vec3<f32>,
+}
+
+fn is_lit_along(place: Place, direction: vec3<f32>) -> bool {
+    for (var object = 0u; object < bakes.count; object++) {
+        let point = to_object(object, place.position);
+        if !is_seen_from_outside(object, point, turn_to_object(object, direction)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+fn directional(place: Place, light: Light) -> vec3<f32> {
+    let cosine = -dot(place.normal, light.direction);
+    if cosine <= 0.0 || !is_lit_along(place, light.direction) {
         return vec3<f32>(0.0);
     }
     return light.color * cosine;
 }
 
-fn punctual(texel: Texel, position: vec3<f32>, normal: vec3<f32>, light: Light) -> vec3<f32> {
-    let way = light.position - position;
+fn punctual(place: Place, light: Light) -> vec3<f32> {
+    let way = light.position - place.position;
     let square = max(dot(way, way), 1e-12);
     let direction = way * inverseSqrt(square);
-    var strength = max(dot(normal, direction), 0.0) / square * range_window(light.range, square);
+    var strength = max(dot(place.normal, direction), 0.0) / square * range_window(light.range, square);
     if light.kind == LIGHT_SPOT {
         let cone = clamp(-dot(direction, light.direction) * light.spot_scale + light.spot_offset, 0.0, 1.0);
         strength *= cone * cone;
     }
-    if strength <= 0.0 {
-        return vec3<f32>(0.0);
+    if strength > 0.0 {
+        strength *= sight(place.object, place.texel, to_object(place.object, light.position), settings.filtered != 0u);
     }
-    let place = to_object(light.position);
-    if all(place >= bake.bounds_min) && all(place <= bake.bounds_max) {
-        strength *= visibility(texel, place, settings.filtered != 0u);
-    } else if !is_seen_from_outside(texel.position, texel.position - place) {
-        strength = 0.0;
+    if strength <= 0.0 || is_hidden(place.position, light.position, place.object, place.object) {
+        return vec3<f32>(0.0);
     }
     return light.color * strength;
 }
 
 @compute @workgroup_size(64)
 fn direct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = folded_index(group) * 64u + lane;
-    if index >= bake.texel_count {
+    let at = folded_index(group) * 64u + lane;
+    if at >= bakes.lights {
         return;
     }
-    let texel = load_texel(index);
-    let position = to_world(texel.position);
-    let normal = normalize(turn_to_world(texel.normal));
+    let object = object_of(at);
+    let texel = load_texel(object, at - bakes.objects[object].first_light);
+    let place = Place(object, texel, to_world(object, texel.position), turn_to_world(object, texel.normal));
     var irradiance = vec3<f32>(0.0);
     for (var i = 0u; i < scene.light_count; i++) {
         let light = lights[i];
         if light.kind == LIGHT_DIRECTIONAL {
-            irradiance += directional(texel, normal, light);
+            irradiance += directional(place, light);
         } else {
-            irradiance += punctual(texel, position, normal, light);
+            irradiance += punctual(place, light);
         }
     }
-    sources[index] += vec4<f32>(texel.diffuse * irradiance / PI, 0.0);
+    sources[at] += vec4<f32>(texel.diffuse * irradiance / PI, 0.0);
 }

@@ -1,4 +1,4 @@
-// What the texels of a baked object emit: the emission of the material that their triangles have now, with its texture.
+// What the texels of baked objects emit: the emission of the material that their triangles have now, with its texture.
 //
 // Cost: one thread a texel; a triangle and a word of a thumbnail each.
 

@@ -1,40 +1,81 @@
-// Light that a point receives from a baked object's texels: a cut through their hierarchy, chosen while it is walked through
-// without a stack, and summed. Ritschel, Grosch, Kautz and Seidel 2008, 4.3, figure 10; bounds as in lightcuts (Walter et al.
+// Light that a point receives from the texels of all baked objects: cuts through their hierarchies, chosen while they are
+// walked through without a stack, and summed. Ritschel, Grosch, Kautz and Seidel 2008, 4.3, figure 10; bounds as in lightcuts (Walter et al.
 // 2005).
 //
 // A node is refined where the light that could come from it, if all of it stood and faced as favourably as its sphere and its
-// cone allow, is more than the threshold. A node that is not refined sends its light from one of its texels, another one for
-// each receiver; at most one query of visibility a node.
+// cone allow, is more than the threshold; for a glossy receiver, with what it mirrors. A node that is not refined sends its light from one of its texels, another one for
+// each receiver.
 //
-// Cost: a node visited about 50 operations, a node of the cut a query of visibility.
+// What hides a sender is asked of the cube map of the sender, then of that of the receiver if it is on another object, then of the
+// maps from outside of all others. Section 3.3.
+//
+// Each hierarchy is walked in its own object's space: radiance, and area over distance squared, are the same in any.
+//
+// Cost: a node visited about 50 operations, a node of the cut a query of visibility; with several objects, a query more and one for
+// each further object whose sphere is in the way.
 
 #define_import_path bevy_bounce::cssm::gather
 
-#import bevy_bounce::cssm::query::visibility
-#import bevy_bounce::cssm::texels::{bake, load_texel}
+#import bevy_bounce::cssm::query::{is_hidden, sight, visibility}
+#import bevy_bounce::cssm::texels::{bakes, load_texel, to_object, to_world, turn_to_object, Texel}
 #import bevy_bounce::cssm::tree::{unpack_node, node_count, Node}
 #import bevy_bounce::cssm::types::CssmGather
-
 #import bevy_bounce::shared::sampling::PI
+#import bevy_bounce::shared::scene::NONE
+#ifdef GLOSSY
+#import bevy_bounce::cssm::lobe::{largest_weight, lobe_weight, make_lobe, Lobe}
+#endif
 
-/// Nodes, then the texels of the leaves, four at a time.
+/// Of each object its nodes, then the texels of the leaves, four at a time.
 @group(0) @binding(2) var<storage, read> tree: array<vec4<u32>>;
-/// Of each node: sum of radiance times area, and of the area.
+/// Of each node, two for a place of light: sum of radiance times area, and of the area.
 @group(0) @binding(3) var<storage, read> powers: array<vec4<f32>>;
 @group(0) @binding(4) var<uniform> settings: CssmGather;
 
 /// Square of the distance, in areas of a texel, within which the texel's shape counts.
 const NEAR: f32 = 16.0;
 
+/// A place of the world that receives light.
+struct Receiver {
+    position: vec3<f32>,
+    normal: vec3<f32>,
+    /// The baked object that it is on, or `NONE`.
+    object: u32,
+    /// The texel that it is on.
+    texel: Texel,
+#ifdef GLOSSY
+    /// Towards the eye.
+    view: vec3<f32>,
+    /// Perceptual.
+    roughness: f32,
+    /// Largest reflectance, of its colours, straight on.
+    f_zero: f32,
+#endif
+}
+
+// The same in an object's space.
+struct Local {
+    object: u32,
+    position: vec3<f32>,
+    normal: vec3<f32>,
+#ifdef GLOSSY
+    lobe: Lobe,
+#endif
+}
+
 struct Gathered {
     /// Irradiance over pi, cd/m^2.
     light: vec3<f32>,
     /// Nodes of the cut.
     cut: u32,
+#ifdef GLOSSY
+    /// Radiance convolved with the receiver's lobe, cd/m^2.
+    glossy: vec3<f32>,
+#endif
 }
 
-fn leaf_texel(rank: u32) -> u32 {
-    return tree[node_count() + rank / 4u][rank % 4u];
+fn leaf_texel(object: u32, rank: u32) -> u32 {
+    return tree[bakes.objects[object].first_node + node_count(object) + rank / 4u][rank % 4u];
 }
 
 // Jarzynski and Olano 2020, "Hash Functions for GPU Rendering": PCG.
@@ -52,10 +93,10 @@ fn widened_cosine(cosine: f32, slack: f32) -> f32 {
     return cosine * slack + sqrt(max(1.0 - cosine * cosine, 0.0) * max(1.0 - slack * slack, 0.0));
 }
 
-// Geometry term that no texel of the node exceeds, times pi; negative where nothing of it can be received, and infinite where
-// the point is among the texels.
-fn largest_transfer(node: Node, position: vec3<f32>, normal: vec3<f32>) -> f32 {
-    let way = node.center - position;
+// Light that a node's power brings at most, per unit; negative where nothing of it can be received, and infinite where the
+// receiver is among the texels.
+fn largest_transfer(node: Node, local: Local) -> f32 {
+    let way = node.center - local.position;
     let square = dot(way, way);
     let distance = sqrt(square);
     if distance <= node.radius * 1.0001 {
@@ -65,7 +106,7 @@ fn largest_transfer(node: Node, position: vec3<f32>, normal: vec3<f32>) -> f32 {
     // Half the angle under which the sphere is seen.
     let sine = node.radius / distance;
     let cosine = sqrt(max(1.0 - sine * sine, 0.0));
-    let receiver = widened_cosine(dot(normal, direction), cosine);
+    let receiver = widened_cosine(dot(local.normal, direction), cosine);
     // The cone of normals and that angle together.
     let cone_sine = sqrt(max(1.0 - node.cosine * node.cosine, 0.0));
     var sender = 1.0;
@@ -75,8 +116,12 @@ fn largest_transfer(node: Node, position: vec3<f32>, normal: vec3<f32>) -> f32 {
     if receiver <= 0.0 || sender <= 0.0 {
         return -1.0;
     }
+    var received = receiver / PI;
+#ifdef GLOSSY
+    received += local.lobe.reflected * largest_weight(local.lobe, direction, cosine);
+#endif
     let nearest = distance - node.radius;
-    return receiver * sender / (nearest * nearest);
+    return received * sender / (nearest * nearest);
 }
 
 // Lambert's sum over the edges of a polygon: the edge between two directions.
@@ -99,51 +144,112 @@ fn square_form_factor(way: vec3<f32>, normal: vec3<f32>, area: f32, receiver: ve
     return max(-dot(sum, receiver) / (2.0 * PI), 0.0);
 }
 
-// Light from one texel in the name of a node, whose power that is.
-fn transfer(index: u32, is_leaf: bool, power: vec4<f32>, position: vec3<f32>, normal: vec3<f32>) -> vec3<f32> {
-    let texel = load_texel(index);
-    let way = texel.position - position;
+// Share of a receiver, at `position` in the object's space, that a texel of an object sees.
+fn shared_view(object: u32, texel: Texel, receiver: Receiver, position: vec3<f32>) -> f32 {
+    let filtered = settings.filtered != 0u;
+    if receiver.object == object {
+        let seen = visibility(object, texel, position, filtered);
+        if seen <= 0.0 || bakes.count == 1u || !is_hidden(to_world(object, texel.position), receiver.position, object, object) {
+            return seen;
+        }
+        return 0.0;
+    }
+    var seen = sight(object, texel, position, filtered);
+    if seen <= 0.0 {
+        return 0.0;
+    }
+    let place = to_world(object, texel.position);
+    if receiver.object != NONE {
+        seen *= sight(receiver.object, receiver.texel, to_object(receiver.object, place), filtered);
+    }
+    if seen > 0.0 && is_hidden(place, receiver.position, object, receiver.object) {
+        return 0.0;
+    }
+    return seen;
+}
+
+// Adds light from one texel in the name of a node, whose power that is.
+fn add_transfer(
+    result: ptr<function, Gathered>, index: u32, is_leaf: bool, power: vec4<f32>, local: Local, receiver: Receiver,
+) {
+    let texel = load_texel(local.object, index);
+    let way = texel.position - local.position;
     let square = dot(way, way);
     let sender = -dot(texel.normal, way);
     if sender <= 0.0 {
-        return vec3<f32>(0.0);
+        return;
     }
     // Of a disc of the node's area, faced from its axis; of a square where that would not do.
-    var form_factor = max(dot(normal, way), 0.0) * sender * power.w / (square * (PI * square + power.w));
+    let disc = sender * power.w / (square * (PI * square + power.w));
+    var form_factor = max(dot(local.normal, way), 0.0) * disc;
     if is_leaf && square < NEAR * texel.area {
-        form_factor = square_form_factor(way, texel.normal, texel.area, normal);
+        form_factor = square_form_factor(way, texel.normal, texel.area, local.normal);
     }
     if form_factor <= 0.0 {
-        return vec3<f32>(0.0);
+        return;
     }
-    return power.rgb * (form_factor / power.w * visibility(texel, position, settings.filtered != 0u));
+    let radiance = power.rgb * (shared_view(local.object, texel, receiver, local.position) / power.w);
+    (*result).light += radiance * form_factor;
+#ifdef GLOSSY
+    let distance = sqrt(square);
+    let solid_angle = PI * disc * distance;
+    (*result).glossy += radiance * (solid_angle * lobe_weight(local.lobe, way / distance, solid_angle));
+#endif
 }
 
-/// Light at a point of the object's space; `seed` is another one for each receiver.
-fn gather(position: vec3<f32>, normal: vec3<f32>, seed: u32) -> Gathered {
-    var result = Gathered(vec3<f32>(0.0), 0u);
-    let end = node_count();
+fn to_local(object: u32, receiver: Receiver) -> Local {
+    var local: Local;
+    local.object = object;
+    local.position = to_object(object, receiver.position);
+    local.normal = turn_to_object(object, receiver.normal);
+#ifdef GLOSSY
+    let view = turn_to_object(object, receiver.view);
+    local.lobe = make_lobe(local.normal, view, receiver.roughness, receiver.f_zero);
+#endif
+    return local;
+}
+
+fn gather_from(object: u32, receiver: Receiver, seed: u32) -> Gathered {
+    let local = to_local(object, receiver);
+    let first_node = bakes.objects[object].first_node;
+    let first_power = 2u * bakes.objects[object].first_light;
+    let end = node_count(object);
+    var result = Gathered();
     var index = 0u;
     var rank = 0u;
     while index < end {
-        let node = unpack_node(tree[index]);
+        let node = unpack_node(object, tree[first_node + index]);
         let count = (node.skip - index + 1u) / 2u;
-        let power = powers[index];
+        let power = powers[first_power + index];
         let most = max(power.r, max(power.g, power.b));
         if most > 0.0 {
-            let bound = largest_transfer(node, position, normal) / PI;
+            let bound = largest_transfer(node, local);
             if count > 1u && bound * most > settings.threshold {
                 index += 1u;
                 continue;
             }
             if bound > 0.0 {
-                let pick = hash(seed ^ hash(index)) % count;
-                result.light += transfer(leaf_texel(rank + pick), count == 1u, power, position, normal);
+                let pick = hash(seed ^ hash(first_power + index)) % count;
+                add_transfer(&result, leaf_texel(object, rank + pick), count == 1u, power, local, receiver);
                 result.cut += 1u;
             }
         }
         rank += count;
         index = node.skip;
+    }
+    return result;
+}
+
+/// Light from all objects; `seed` is another one for each receiver.
+fn gather(receiver: Receiver, seed: u32) -> Gathered {
+    var result = Gathered();
+    for (var object = 0u; object < bakes.count; object++) {
+        let part = gather_from(object, receiver, seed);
+        result.light += part.light;
+        result.cut += part.cut;
+#ifdef GLOSSY
+        result.glossy += part.glossy;
+#endif
     }
     return result;
 }

@@ -1,44 +1,54 @@
-// The light of the hierarchy's nodes: what each texel sends into its leaf, then level by level what is below each node. The
+// The light of the hierarchies' nodes: what each texel sends into its leaf, then level by level what is below each node. The
 // paper's pull (section 4.1).
 //
 // Cost: `leaves` one thread a texel, `pull` one a node of the level; a descent from the root each.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::cssm::texels::{bake, load_texel}
+#import bevy_bounce::cssm::texels::{bakes, load_texel, object_of}
 #import bevy_bounce::cssm::tree::{leaf_node, level_node, node_count}
 #import bevy_bounce::cssm::types::CssmLevel
 
 @group(0) @binding(2) var<storage, read> tree: array<vec4<u32>>;
-// Of each node: sum of radiance times area, and of the area.
+// Of each node, two for a place of light: sum of radiance times area, and of the area.
 @group(0) @binding(3) var<storage, read_write> powers: array<vec4<f32>>;
 // Of each texel: radiance without bounces; irradiance over pi by bounces.
 @group(0) @binding(4) var<storage, read> sources: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> gathered: array<vec4<f32>>;
 @group(0) @binding(6) var<uniform> level: CssmLevel;
 
-
 @compute @workgroup_size(64)
 fn leaves(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let rank = folded_index(group) * 64u + lane;
-    if rank >= bake.texel_count {
+    let light = folded_index(group) * 64u + lane;
+    if light >= bakes.lights {
         return;
     }
-    let index = tree[node_count() + rank / 4u][rank % 4u];
-    let texel = load_texel(index);
-    let radiance = sources[index].rgb + texel.diffuse * gathered[index].rgb;
-    powers[leaf_node(rank)] = vec4<f32>(radiance, 1.0) * texel.area;
+    let object = object_of(light);
+    let bake = &bakes.objects[object];
+    let rank = light - (*bake).first_light;
+    let index = tree[(*bake).first_node + node_count(object) + rank / 4u][rank % 4u];
+    let texel = load_texel(object, index);
+    let at = (*bake).first_light + index;
+    let radiance = sources[at].rgb + texel.diffuse * gathered[at].rgb;
+    powers[2u * (*bake).first_light + leaf_node(object, rank)] = vec4<f32>(radiance, 1.0) * texel.area;
 }
 
 @compute @workgroup_size(64)
 fn pull(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let place = folded_index(group) * 64u + lane;
-    if place >= 1u << level.level {
+    // One after the other, the complete rows of the objects that have that level.
+    var place = folded_index(group) * 64u + lane;
+    let row = 1u << level.level;
+    var object = 0u;
+    while object < bakes.count && (place >= row || level.level >= bakes.objects[object].levels) {
+        place -= select(0u, row, level.level < bakes.objects[object].levels);
+        object++;
+    }
+    if object == bakes.count {
         return;
     }
-    let found = level_node(level.level, place);
-    let node = found.x;
+    let found = level_node(object, level.level, place);
     let count = found.y;
     if count > 1u {
+        let node = 2u * bakes.objects[object].first_light + found.x;
         powers[node] = powers[node + 1u] + powers[node + 2u * ((count + 1u) / 2u)];
     }
 }

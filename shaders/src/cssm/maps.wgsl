@@ -1,14 +1,14 @@
-// Codes of a baked object's depth maps, from the blocks as the file has them (crate bevy_bounce_cssm, `block`).
+// Codes of baked objects' depth maps, from the blocks as the files have them (crate bevy_bounce_cssm, `block`).
 //
-// The directory is that of the cube maps and, behind it, that of the maps from outside; the blocks likewise, in pages of
-// `2^page_bits` words, so that each page is a binding that every device allows.
+// The directory is that of a file's cube maps and, behind it, that of its maps from outside, then those of the next file; the
+// blocks likewise, in pages of `2^page_bits` words, so that each page is a binding that every device allows.
 //
 // Cost: one read where a block has one code; otherwise also its head, the entry of the row, the ends of its runs or a bit
 // of each plane, an index and the code: three to ten.
 
 #define_import_path bevy_bounce::cssm::maps
 
-#import bevy_bounce::cssm::texels::bake
+#import bevy_bounce::cssm::texels::bakes
 
 @group(1) @binding(0) var<storage, read> directory: array<u32>;
 @group(1) @binding(1) var<storage, read> blocks_a: array<u32>;
@@ -40,8 +40,8 @@ fn block_word(index: u32) -> u32 {
 #ifdef COUNT_READS
     reads++;
 #endif
-    let at = index & ((1u << bake.page_bits) - 1u);
-    switch index >> bake.page_bits {
+    let at = index & ((1u << bakes.page_bits) - 1u);
+    switch index >> bakes.page_bits {
         case 0u: {
             return blocks_a[at];
         }

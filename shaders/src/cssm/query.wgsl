@@ -1,15 +1,16 @@
-// What is visible: from a texel to a point by the texel's cube map, and from far away by the maps from outside. The same
+// What is visible: from a texel to a point by the texel's cube map, and past an object by its maps from outside. The same
 // operations in the same order as on the CPU (crate bevy_bounce_cssm, `query`, `cube` and `csm`), so that the answers are the
-// same; from outside, but for a few in ten thousand where rounding leads to the next direction. Ritschel, Grosch, Kautz and Seidel 2008, 3.2.2.
+// same; from outside, but for a few in ten thousand where rounding leads to the next direction. Ritschel, Grosch, Kautz and Seidel 2008, 3.2.2
+// and 3.3.
 //
-// Points and directions are in the object's space.
+// Points and directions are in the object's space where nothing else is said.
 //
-// Cost: one code, or four where the filter asks for them.
+// Cost: one code, or four where the filter asks for them; one more for points outside the object.
 
 #define_import_path bevy_bounce::cssm::query
 
 #import bevy_bounce::cssm::maps::{map_code, LANES, ROWS}
-#import bevy_bounce::cssm::texels::{bake, root, Texel}
+#import bevy_bounce::cssm::texels::{bakes, root, to_object, Texel}
 
 /// Side of a square of pixels.
 const SQUARE: u32 = 8u;
@@ -30,11 +31,12 @@ fn sum_of_products(a: vec3<f32>, b: vec3<f32>) -> f32 {
 }
 
 /// Centre of a texel's cube map.
-fn cube_center(texel: Texel) -> vec3<f32> {
-    return texel.position + texel.normal * bake.lift;
+fn cube_center(object: u32, texel: Texel) -> vec3<f32> {
+    return texel.position + texel.normal * bakes.objects[object].lift;
 }
 
-fn face_point(offset: vec3<f32>) -> FacePoint {
+// Where a point is seen that lies at `offset` from the centre, on faces of `side` pixels.
+fn face_point(offset: vec3<f32>, side: u32) -> FacePoint {
     let size = abs(offset);
     var axis = 2u;
     if size.x >= size.y && size.x >= size.z {
@@ -44,14 +46,14 @@ fn face_point(offset: vec3<f32>) -> FacePoint {
     }
     let depth = size[axis];
     let across = vec2<f32>(offset[(axis + 1u) % 3u], offset[(axis + 2u) % 3u]);
-    let at = (across / depth * 0.5 + 0.5) * f32(bake.depth);
+    let at = (across / depth * 0.5 + 0.5) * f32(side);
     return FacePoint(2u * axis + select(0u, 1u, offset[axis] < 0.0), at, depth);
 }
 
 // The direction through a place on a face; its part along the face's axis has length 1.
-fn face_direction(face: u32, at: vec2<f32>) -> vec3<f32> {
+fn face_direction(face: u32, at: vec2<f32>, side: u32) -> vec3<f32> {
     let axis = face / 2u;
-    let across = 2.0 * at / f32(bake.depth) - 1.0;
+    let across = 2.0 * at / f32(side) - 1.0;
     var direction = vec3<f32>(0.0);
     direction[axis] = select(-1.0, 1.0, face % 2u == 0u);
     direction[(axis + 1u) % 3u] = across.x;
@@ -59,8 +61,8 @@ fn face_direction(face: u32, at: vec2<f32>) -> vec3<f32> {
     return direction;
 }
 
-fn pixel_of(at: vec2<f32>) -> vec2<u32> {
-    return min(vec2<u32>(max(at, vec2<f32>(0.0))), vec2<u32>(bake.depth - 1u));
+fn pixel_of(at: vec2<f32>, side: u32) -> vec2<u32> {
+    return min(vec2<u32>(max(at, vec2<f32>(0.0))), vec2<u32>(side - 1u));
 }
 
 // Group within a picture of `side` pixels, and row within the group.
@@ -71,38 +73,38 @@ fn group_and_row(pixel: vec2<u32>, side: u32) -> vec2<u32> {
 }
 
 // The code of a cube map at a pixel of a face.
-fn cube_code(slot: u32, face: u32, pixel: vec2<u32>) -> u32 {
-    let face_groups = bake.depth * bake.depth / ROWS;
-    let place = group_and_row(pixel, bake.depth);
+fn cube_code(object: u32, slot: u32, face: u32, pixel: vec2<u32>) -> u32 {
+    let bake = &bakes.objects[object];
+    let face_groups = (*bake).depth * (*bake).depth / ROWS;
+    let place = group_and_row(pixel, (*bake).depth);
     let entry = (slot / LANES) * (6u * face_groups) + face * face_groups + place.x;
-    return map_code(entry, 0u, place.y, slot % LANES);
+    return map_code((*bake).directory + entry, (*bake).blocks, place.y, slot % LANES);
 }
 
-fn is_before(depth: f32, code: u32, quantum: f32) -> bool {
-    return code == UNBOUNDED || depth <= f32(code) * quantum;
-}
-
-fn is_lit(texel: Texel, face: u32, pixel: vec2<u32>, depth: f32) -> bool {
-    return is_before(depth, cube_code(texel.slot, face, pixel), bake.quantum);
+fn is_lit(object: u32, texel: Texel, face: u32, pixel: vec2<u32>, depth: f32) -> bool {
+    let code = cube_code(object, texel.slot, face, pixel);
+    return code == UNBOUNDED || depth <= f32(code) * bakes.objects[object].quantum;
 }
 
 /// Whether nothing of the object stands between a texel and a point of the object, by one pixel.
-fn is_visible(texel: Texel, point: vec3<f32>) -> bool {
-    let offset = point - cube_center(texel);
+fn is_visible(object: u32, texel: Texel, point: vec3<f32>) -> bool {
+    let offset = point - cube_center(object, texel);
     if sum_of_products(offset, texel.normal) <= 0.0 {
         return false;
     }
-    let place = face_point(offset);
-    return is_lit(texel, place.face, pixel_of(place.at), place.depth);
+    let side = bakes.objects[object].depth;
+    let place = face_point(offset, side);
+    return is_lit(object, texel, place.face, pixel_of(place.at, side), place.depth);
 }
 
 /// Share of a point that is visible: percentage-closer filtering of the four pixels round it. Reeves et al. 1987.
-fn filtered_visibility(texel: Texel, point: vec3<f32>) -> f32 {
-    let offset = point - cube_center(texel);
+fn filtered_visibility(object: u32, texel: Texel, point: vec3<f32>) -> f32 {
+    let offset = point - cube_center(object, texel);
     if sum_of_products(offset, texel.normal) <= 0.0 {
         return 0.0;
     }
-    let place = face_point(offset);
+    let side = bakes.objects[object].depth;
+    let place = face_point(offset, side);
     let low = floor(place.at - 0.5);
     let part = place.at - 0.5 - low;
     var seen = 0.0;
@@ -110,27 +112,27 @@ fn filtered_visibility(texel: Texel, point: vec3<f32>) -> f32 {
         let right = vec2<f32>(f32(corner & 1u), f32(corner >> 1u));
         let weights = select(1.0 - part, part, right > vec2<f32>(0.5));
         // A neighbour past the face's edge is found on the next face; rays to the texel's back have no depth of their own.
-        let direction = face_direction(place.face, low + right + 0.5);
+        let direction = face_direction(place.face, low + right + 0.5, side);
         var face = place.face;
         var at = place.at;
         var depth = place.depth;
         if sum_of_products(direction, texel.normal) > 0.0 {
-            let there = face_point(direction);
+            let there = face_point(direction, side);
             face = there.face;
             at = there.at;
             depth = abs(offset[there.face / 2u]);
         }
-        seen += select(0.0, weights.x * weights.y, is_lit(texel, face, pixel_of(at), depth));
+        seen += select(0.0, weights.x * weights.y, is_lit(object, texel, face, pixel_of(at, side), depth));
     }
     return seen;
 }
 
-/// Share of a point that a texel sees, filtered or not.
-fn visibility(texel: Texel, point: vec3<f32>, filtered: bool) -> f32 {
+/// Share of a point of the object that a texel sees, filtered or not.
+fn visibility(object: u32, texel: Texel, point: vec3<f32>, filtered: bool) -> f32 {
     if filtered {
-        return filtered_visibility(texel, point);
+        return filtered_visibility(object, texel, point);
     }
-    return select(0.0, 1.0, is_visible(texel, point));
+    return select(0.0, 1.0, is_visible(object, texel, point));
 }
 
 fn octahedral_square(direction: vec3<f32>) -> vec2<f32> {
@@ -154,32 +156,106 @@ fn cross_product(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
     return vec3<f32>(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 
-/// Whether a point of the object is seen from far away by rays along `direction`, as far as the maps from outside tell.
-fn is_seen_from_outside(point: vec3<f32>, direction: vec3<f32>) -> bool {
-    if bake.csm_grid == 0u {
-        return true;
+/// In a map from outside: a point's depth, and that of the surface there.
+struct OutsideDepth {
+    point: f32,
+    /// `NOTHING` where there is none, or where the point is not in the map.
+    surface: f32,
+}
+
+/// A depth behind everything.
+const NOTHING: f32 = 1e30;
+
+// In the map whose rays run most nearly along `direction`.
+fn outside_depth(object: u32, point: vec3<f32>, direction: vec3<f32>) -> OutsideDepth {
+    let bake = &bakes.objects[object];
+    let grid = (*bake).csm_grid;
+    let side = (*bake).csm_side;
+    if grid == 0u {
+        return OutsideDepth(0.0, NOTHING);
     }
-    let scaled = (octahedral_square(direction) * 0.5 + 0.5) * f32(bake.csm_grid);
-    let cell = min(vec2<u32>(max(scaled, vec2<f32>(0.0))), vec2<u32>(bake.csm_grid - 1u));
-    let forward = octahedral_direction(vec2<f32>(2u * cell + 1u) / f32(bake.csm_grid) - 1.0);
+    let scaled = (octahedral_square(direction) * 0.5 + 0.5) * f32(grid);
+    let cell = min(vec2<u32>(max(scaled, vec2<f32>(0.0))), vec2<u32>(grid - 1u));
+    let forward = octahedral_direction(vec2<f32>(2u * cell + 1u) / f32(grid) - 1.0);
     let helper = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 0.0, 1.0), abs(forward.z) < 0.9);
     var across = cross_product(helper, forward);
     across /= root(sum_of_products(across, across));
     let up = cross_product(forward, across);
-    let offset = point - bake.csm_center;
+    let offset = point - (*bake).csm_center;
     let xy = vec2<f32>(sum_of_products(offset, across), sum_of_products(offset, up));
-    let pixel = (xy / bake.csm_radius * 0.5 + 0.5) * f32(bake.csm_side);
-    if any(pixel < vec2<f32>(0.0)) || any(pixel >= vec2<f32>(f32(bake.csm_side))) {
-        return true;
+    let pixel = (xy / (*bake).csm_radius * 0.5 + 0.5) * f32(side);
+    if any(pixel < vec2<f32>(0.0)) || any(pixel >= vec2<f32>(f32(side))) {
+        return OutsideDepth(0.0, NOTHING);
     }
-    let block = (cell.y / SQUARE) * (bake.csm_grid / SQUARE) + cell.x / SQUARE;
+    let block = (cell.y / SQUARE) * (grid / SQUARE) + cell.x / SQUARE;
     let column = cell.x % SQUARE;
     let row = cell.y % SQUARE;
     let lane = row * SQUARE + select(SQUARE - 1u - column, column, row % 2u == 0u);
-    let place = group_and_row(vec2<u32>(pixel), bake.csm_side);
-    let groups = bake.csm_side * bake.csm_side / ROWS;
-    let entry = bake.csm_directory + block * groups + place.x;
-    let code = map_code(entry, bake.csm_blocks, place.y, lane);
-    let depth = sum_of_products(offset, forward) + bake.csm_radius;
-    return is_before(depth, code, bake.csm_quantum);
+    let place = group_and_row(vec2<u32>(pixel), side);
+    let groups = side * side / ROWS;
+    let code = map_code((*bake).csm_directory + block * groups + place.x, (*bake).csm_blocks, place.y, lane);
+    let surface = select(f32(code) * (*bake).csm_quantum, NOTHING, code == UNBOUNDED);
+    return OutsideDepth(sum_of_products(offset, forward) + (*bake).csm_radius, surface);
+}
+
+/// Whether a point is seen from far away by rays along `direction`, as far as the object's maps from outside tell.
+fn is_seen_from_outside(object: u32, point: vec3<f32>, direction: vec3<f32>) -> bool {
+    let depth = outside_depth(object, point, direction);
+    return depth.point <= depth.surface;
+}
+
+/// Whether the object blocks the way from a point outside its hull to another one, as far as its maps from outside tell.
+fn is_blocking(object: u32, start: vec3<f32>, end: vec3<f32>) -> bool {
+    let bake = &bakes.objects[object];
+    let way = end - start;
+    let square = sum_of_products(way, way);
+    // Where the way is nearest to the centre: there the map's rays, which run a little askew, are off by least.
+    let along = clamp(sum_of_products(way, (*bake).csm_center - start) / square, 0.0, 1.0);
+    let nearest = start + along * way;
+    let offset = nearest - (*bake).csm_center;
+    if sum_of_products(offset, offset) >= (*bake).csm_radius * (*bake).csm_radius {
+        return false;
+    }
+    let depth = outside_depth(object, nearest, way);
+    let length = root(square);
+    let first = depth.point - along * length;
+    return first < depth.surface && depth.surface < first + length;
+}
+
+/// Whether a point is outside the object's box.
+fn is_outside(object: u32, point: vec3<f32>) -> bool {
+    let bake = &bakes.objects[object];
+    return any(point < (*bake).bounds_min - (*bake).lift) || any(point > (*bake).bounds_max + (*bake).lift);
+}
+
+/// Share of any point that its own object lets a texel see. Where a ray leaves an object through its only surface the cube map
+/// leaves open where that is: outside the box the maps from outside are asked as well.
+fn sight(object: u32, texel: Texel, point: vec3<f32>, filtered: bool) -> f32 {
+    let seen = visibility(object, texel, point, filtered);
+    if seen > 0.0 && is_outside(object, point)
+        && !is_seen_from_outside(object, texel.position, texel.position - point) {
+        return 0.0;
+    }
+    return seen;
+}
+
+/// Whether an object that neither of two places of the world is on stands between them. It is asked from outside its box; what
+/// lies between two places within that is not known.
+fn is_between(object: u32, a: vec3<f32>, b: vec3<f32>) -> bool {
+    let start = to_object(object, a);
+    let end = to_object(object, b);
+    if is_outside(object, start) {
+        return is_blocking(object, start, end);
+    }
+    return is_outside(object, end) && is_blocking(object, end, start);
+}
+
+/// Whether any but two objects stand between two places of the world.
+fn is_hidden(a: vec3<f32>, b: vec3<f32>, object_a: u32, object_b: u32) -> bool {
+    for (var object = 0u; object < bakes.count; object++) {
+        if object != object_a && object != object_b && is_between(object, a, b) {
+            return true;
+        }
+    }
+    return false;
 }

@@ -1,13 +1,13 @@
-// Texels of a baked object, as the file has them: places of its surface, each with a cube map.
+// Baked objects and their texels, as the file has them: places of the surface, each with a cube map.
 //
 // Cost: ten words a texel.
 
 #define_import_path bevy_bounce::cssm::texels
 
-#import bevy_bounce::cssm::types::CssmBake
+#import bevy_bounce::cssm::types::CssmBakes
 
 @group(0) @binding(0) var<storage, read> texels: array<u32>;
-@group(0) @binding(1) var<uniform> bake: CssmBake;
+@group(0) @binding(1) var<uniform> bakes: CssmBakes;
 
 /// Words of a texel's record.
 const TEXEL_WORDS: u32 = 10u;
@@ -41,8 +41,9 @@ fn decode_normal(word: u32) -> vec3<f32> {
     return vec3<f32>(x / length, y / length, z / length);
 }
 
-fn load_texel(index: u32) -> Texel {
-    let at = index * TEXEL_WORDS;
+/// A texel of an object.
+fn load_texel(object: u32, index: u32) -> Texel {
+    let at = (bakes.objects[object].first_texel + index) * TEXEL_WORDS;
     var texel: Texel;
     texel.position = vec3<f32>(bitcast<f32>(texels[at]), bitcast<f32>(texels[at + 1u]), bitcast<f32>(texels[at + 2u]));
     texel.normal = decode_normal(texels[at + 3u]);
@@ -52,32 +53,45 @@ fn load_texel(index: u32) -> Texel {
     return texel;
 }
 
-/// A point of the world in the object's space.
-fn to_object(point: vec3<f32>) -> vec3<f32> {
-    let p = vec4<f32>(point, 1.0);
-    return vec3<f32>(dot(bake.object_from_world_x, p), dot(bake.object_from_world_y, p), dot(bake.object_from_world_z, p));
+/// The object that has that place in the arrays of light.
+fn object_of(light: u32) -> u32 {
+    var object = 0u;
+    while object + 1u < bakes.count && light >= bakes.objects[object + 1u].first_light {
+        object++;
+    }
+    return object;
 }
 
-/// A direction of the world in the object's space.
-fn turn_to_object(direction: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(
-        dot(bake.object_from_world_x.xyz, direction),
-        dot(bake.object_from_world_y.xyz, direction),
-        dot(bake.object_from_world_z.xyz, direction),
-    );
+fn transform(x: vec4<f32>, y: vec4<f32>, z: vec4<f32>, p: vec4<f32>) -> vec3<f32> {
+    return vec3<f32>(dot(x, p), dot(y, p), dot(z, p));
 }
 
-/// A point of the object in the world.
-fn to_world(point: vec3<f32>) -> vec3<f32> {
-    let p = vec4<f32>(point, 1.0);
-    return vec3<f32>(dot(bake.world_from_object_x, p), dot(bake.world_from_object_y, p), dot(bake.world_from_object_z, p));
+fn from_world(object: u32, p: vec4<f32>) -> vec3<f32> {
+    let bake = &bakes.objects[object];
+    return transform((*bake).object_from_world_x, (*bake).object_from_world_y, (*bake).object_from_world_z, p);
 }
 
-/// A direction of the object in the world.
-fn turn_to_world(direction: vec3<f32>) -> vec3<f32> {
-    return vec3<f32>(
-        dot(bake.world_from_object_x.xyz, direction),
-        dot(bake.world_from_object_y.xyz, direction),
-        dot(bake.world_from_object_z.xyz, direction),
-    );
+fn from_object(object: u32, p: vec4<f32>) -> vec3<f32> {
+    let bake = &bakes.objects[object];
+    return transform((*bake).world_from_object_x, (*bake).world_from_object_y, (*bake).world_from_object_z, p);
+}
+
+/// A point of the world in an object's space.
+fn to_object(object: u32, point: vec3<f32>) -> vec3<f32> {
+    return from_world(object, vec4<f32>(point, 1.0));
+}
+
+/// A direction of the world in an object's space, of unit length.
+fn turn_to_object(object: u32, direction: vec3<f32>) -> vec3<f32> {
+    return normalize(from_world(object, vec4<f32>(direction, 0.0)));
+}
+
+/// A point of an object in the world.
+fn to_world(object: u32, point: vec3<f32>) -> vec3<f32> {
+    return from_object(object, vec4<f32>(point, 1.0));
+}
+
+/// A direction of an object in the world, of unit length.
+fn turn_to_world(object: u32, direction: vec3<f32>) -> vec3<f32> {
+    return normalize(from_object(object, vec4<f32>(direction, 0.0)));
 }

@@ -1,9 +1,9 @@
-// Nodes of the hierarchy over a baked object's texels, as crate bevy_bounce packs them (`cssm::tree`): 128 bits each, in
+// Nodes of the hierarchies over baked objects' texels, as crate bevy_bounce packs them (`cssm::tree`): 128 bits each, in
 // depth-first order, the first child behind its parent. A node halves its texels, the first half the larger one.
 
 #define_import_path bevy_bounce::cssm::tree
 
-#import bevy_bounce::cssm::texels::bake
+#import bevy_bounce::cssm::texels::bakes
 #import bevy_bounce::shared::octahedral::octahedral_to_unit
 
 struct Node {
@@ -13,15 +13,16 @@ struct Node {
     /// Cone round their normals.
     axis: vec3<f32>,
     cosine: f32,
-    /// The next node without what is below this one.
+    /// The next node of the object without what is below this one.
     skip: u32,
 }
 
-fn unpack_node(words: vec4<u32>) -> Node {
+fn unpack_node(object: u32, words: vec4<u32>) -> Node {
+    let bake = &bakes.objects[object];
     let part = vec3<f32>(vec3<u32>(words.x & 0xffffu, words.x >> 16u, words.y & 0xffffu)) / 65535.0;
     let square = vec2<f32>(vec2<u32>(words.z & 0xfffu, (words.z >> 12u) & 0xfffu)) / 4095.0 * 2.0 - 1.0;
     var node: Node;
-    node.center = bake.bounds_min + part * (bake.bounds_max - bake.bounds_min);
+    node.center = (*bake).bounds_min + part * ((*bake).bounds_max - (*bake).bounds_min);
     node.radius = unpack2x16float(words.y).y;
     node.axis = octahedral_to_unit(square);
     let half_sine = f32(words.z >> 24u) / 255.0;
@@ -30,16 +31,16 @@ fn unpack_node(words: vec4<u32>) -> Node {
     return node;
 }
 
-/// Nodes of the tree.
-fn node_count() -> u32 {
-    return 2u * bake.texel_count - 1u;
+/// Nodes of an object's tree.
+fn node_count(object: u32) -> u32 {
+    return 2u * bakes.objects[object].texel_count - 1u;
 }
 
-/// Where the leaf of that rank is among the nodes.
-fn leaf_node(rank: u32) -> u32 {
+/// Where the leaf of that rank is among an object's nodes.
+fn leaf_node(object: u32, rank: u32) -> u32 {
     var node = 0u;
     var left = rank;
-    var count = bake.texel_count;
+    var count = bakes.objects[object].texel_count;
     while count > 1u {
         let half = (count + 1u) / 2u;
         if left < half {
@@ -55,9 +56,9 @@ fn leaf_node(rank: u32) -> u32 {
 }
 
 /// The node of a level whose place in that level's complete row is `place`, and how many texels it has; 0 where there is none.
-fn level_node(level: u32, place: u32) -> vec2<u32> {
+fn level_node(object: u32, level: u32, place: u32) -> vec2<u32> {
     var node = 0u;
-    var count = bake.texel_count;
+    var count = bakes.objects[object].texel_count;
     for (var step = 0u; step < level; step++) {
         if count <= 1u {
             return vec2<u32>(0u);

@@ -20,9 +20,27 @@ struct CssmBake {
     csm_quantum: f32,
     csm_grid: u32,
     csm_side: u32,
+    levels: u32,
+    reach: f32,
+    first_light: u32,
+    first_texel: u32,
+    first_node: u32,
+    directory: u32,
     csm_directory: u32,
+    blocks: u32,
     csm_blocks: u32,
+    padding_a: u32,
+    padding_b: u32,
+}
+
+const CSSM_OBJECTS: u32 = 64u;
+
+struct CssmBakes {
+    count: u32,
+    lights: u32,
     page_bits: u32,
+    padding: u32,
+    objects: array<CssmBake, CSSM_OBJECTS>,
 }
 
 struct CssmGather {

@@ -35,34 +35,57 @@ pub fn direct(file: &CssmFile, texel: &Texel, lights: &[Light]) -> Vec3 {
             let cone = -direction.dot(light.direction) * light.spot_scale + light.spot_offset;
             strength *= cone.clamp(0.0, 1.0).powi(2);
         }
-        let inside = light.position.cmpge(file.meta.bounds_min.into()).all()
-            && light.position.cmple(file.meta.bounds_max.into()).all();
-        let visible = if inside {
-            file.visible(texel, light.position.into())
-        } else {
-            file.seen_from_outside(texel.position, (-way).into())
-        };
-        if strength > 0.0 && visible {
+        if strength > 0.0 && file.sees(texel, light.position.into()) {
             sum += light.color * strength;
         }
     }
     sum
 }
 
-/// Irradiance over pi at a point of the object, from all texels, of which each has a radiance.
-pub fn gather(file: &CssmFile, texels: &[Texel], radiance: &[Vec3], position: Vec3, normal: Vec3) -> Vec3 {
+/// A baked object that was moved and not turned: texels, each with a radiance.
+pub struct Object<'a> {
+    /// Its bake.
+    pub file: &'a CssmFile,
+    /// Where its space's origin is in the world.
+    pub origin: Vec3,
+    /// Of all its texels.
+    pub radiance: &'a [Vec3],
+}
+
+/// Irradiance over pi at a texel of one of several objects, from all texels of all of them.
+pub fn gather(objects: &[Object], receiver: usize, index: usize) -> Vec3 {
+    let on = &objects[receiver];
+    let to = on.file.texel(index).expect("there are so many");
+    let (position, normal) = (Vec3::from(to.position) + on.origin, Vec3::from(to.normal));
     let mut sum = [0.0_f64; 3];
-    for (texel, radiance) in texels.iter().zip(radiance) {
-        let way = Vec3::from(texel.position) - position;
-        let square = way.length_squared();
-        let sender = -Vec3::from(texel.normal).dot(way);
-        let form_factor = if square < 16.0 * texel.area {
-            square_form_factor(way, texel, normal)
-        } else {
-            texel.area * normal.dot(way).max(0.0) * sender / (square * (PI * square + texel.area))
-        };
-        if sender > 0.0 && form_factor > 0.0 && file.visible(texel, position.into()) {
-            (0..3).for_each(|channel| sum[channel] += f64::from(radiance[channel] * form_factor));
+    for (number, object) in objects.iter().enumerate() {
+        for (texel, radiance) in texels(object.file).iter().zip(object.radiance) {
+            let place = Vec3::from(texel.position) + object.origin;
+            let way = place - position;
+            let square = way.length_squared();
+            let sender = -Vec3::from(texel.normal).dot(way);
+            let form_factor = if square < 16.0 * texel.area {
+                square_form_factor(way, texel, normal)
+            } else {
+                texel.area * normal.dot(way).max(0.0) * sender / (square * (PI * square + texel.area))
+            };
+            if sender <= 0.0 || form_factor <= 0.0 {
+                continue;
+            }
+            let at = |object: &Object, point: Vec3| (point - object.origin).to_array();
+            let seen = if number == receiver {
+                object.file.visible(texel, at(object, position))
+            } else {
+                object.file.sees(texel, at(object, position)) && on.file.sees(&to, at(on, place))
+            };
+            let mut others = (0..objects.len()).filter(|other| *other != number && *other != receiver);
+            let hides = |other: usize| {
+                let other = &objects[other];
+                other.file.stands_between(at(other, place), at(other, position))
+            };
+            if seen && !others.any(hides) {
+                (0..3).for_each(|channel| sum[channel] += f64::from(radiance[channel] * form_factor));
+            }
         }
     }
     Vec3::from(sum.map(|sum| sum as f32))

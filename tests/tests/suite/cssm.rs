@@ -1,5 +1,8 @@
 //! Baked visibility on the GPU against the CPU.
 
+mod examples;
+mod glossy;
 mod light;
+mod moving;
 mod query;
 mod stage;

@@ -270,7 +270,7 @@ pub(super) fn prepare_compose_pipelines(
             commands.entity(entity).remove::<(ViewPipelines, SkipDeferredLighting)>();
             continue;
         }
-        let glossy = gi.settings.radiance_cache.glossy;
+        let glossy = gi.settings.has_glossy_light();
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, (key, pass));
         // Both, so that a sky may come and go from one frame to the next.
         let without = pipeline(Pass::Direct { sky: Sky::Bevys });

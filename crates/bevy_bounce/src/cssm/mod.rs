@@ -1,44 +1,65 @@
 //! Baked visibility at run time. Ritschel, Grosch, Kautz and Seidel 2008, "Interactive Global Illumination Based on Coherent
 //! Surface Shadow Maps".
 //!
-//! The texels of a rigid object's atlas are small lamps that know what they see of the object. They are lit by emission and
+//! The texels of rigid objects' atlases are small lamps that know what they see of their object. They are lit by emission and
 //! direct light, then light each other, bounce after bounce; last, every pixel gathers from them. Light from far away or from
-//! little is taken together: sums go over a cut through a hierarchy of texels.
+//! little is taken together: sums go over cuts through hierarchies of texels, one for each object, in the object's own space, so
+//! that objects move and nothing is built anew.
 //!
 //! | kernel | for each | from | to |
 //! |---|---|---|---|
 //! | `emit` | texel | material and texture of its triangle | `sources` |
 //! | `direct` | texel | lights; cube maps, maps from outside | added to `sources` |
 //! | `leaves`, `pull` | texel; node, level by level | `sources`, `gathered` | `powers` |
-//! | `bounce` | texel | `powers` along its cut; cube maps | `gathered` |
-//! | `pixels` | pixel | the same | the view's `indirect` |
+//! | `bounce` | texel | `powers` along its cuts; cube maps, maps from outside | `gathered` |
+//! | `pixels` | pixel | the same | the view's `indirect`, and `glossy` where it is asked for |
 //!
-//! All but the last run only when lights, materials, the object's place or settings are others than before.
+//! All but the last run only when lights, materials, the objects' places or settings are others than before.
+//!
+//! # What hides what
+//!
+//! Section 3.3 of the paper. Between a sender and a receiver:
+//!
+//! | object | is asked by | is right |
+//! |---|---|---|
+//! | that of the sender | the sender's cube map, and outside the object's box also its maps from outside | wherever surfaces are closed |
+//! | that of the receiver, if it is another one | likewise, by the cube map of the texel that the receiver is on | the same |
+//! | every other one | its maps from outside, from that end which is outside its box | if one end is; otherwise it hides nothing |
+//!
+//! The paper asks that hulls stay apart. Here an object may stand in another one, as a head in a room; what that room hides of it from
+//! lamps and objects that are also in the room is then not known. Overlapping hulls are told once, with the names of the pair.
 //!
 //! # Data
 //!
 //! | buffer | bytes | holds |
 //! |---|---|---|
-//! | `texels`, `directory`, `blocks` | as the file | [`words`] |
-//! | `tree` | 36 a texel | [`tree`] |
+//! | `texels`, `directory`, `blocks` | as the files, each once | [`words`] |
+//! | `tree` | 36 a texel, each bake once | [`tree`] |
 //! | `powers` | 32 a texel | of each node, radiance times area, and area |
-//! | `sources`, `gathered` | 16 a texel each | radiance without bounces; irradiance over pi by bounces, nodes of the cut |
+//! | `sources`, `gathered` | 16 a texel each | radiance without bounces; irradiance over pi by bounces, nodes of the cuts |
 //! | `surfaces` | 12 a texel | which triangle each texel shows |
+//! | `bakes` | 14 KiB | where each object stands, and where its words are |
 //!
 //! # Cost
 //!
 //! Nodes of the cuts times receivers: pixels, and texels for each bounce but one. A cut has at least as many nodes as
-//! the receiver's light has steps of [`CssmSettings::error`]. Memory is that of the file and a hundred bytes a texel.
+//! the receiver's light has steps of [`CssmSettings::error`], and at least one of each object. With several objects a node of the cut
+//! costs a second query, and one for each further object whose sphere is in the way. Glossy light refines what is mirrored.
+//! Memory is that of the files and a hundred bytes a texel.
 //!
 //! # What counts
 //!
-//! One object at a time, rigid: turned, moved, scaled evenly. Its diffuse colours are those of the bake, its emission is that of
-//! its materials now. What is not baked receives light and neither blocks nor reflects it. A light within the object's box that has
-//! only one surface of it on a line with a texel, or stands between two of them, may be seen through the first: the cube maps
-//! know where surfaces are, not where lights are. A node of the cut is as visible as one of its texels: where bright ones are
-//! together with dark ones that are hidden, some light is lost, less with a smaller error.
+//! Up to [`MOST_OBJECTS`] objects, rigid: turned, moved, scaled evenly. Their diffuse colours are those of their bakes, their emission is
+//! that of their materials now. What is not baked receives light and neither blocks nor reflects it. A light or another object within an
+//! object's box that has only one surface of it on a line with a texel, or stands between two of them, may be seen through the
+//! first: the cube maps know where surfaces are, not what stands between them. A node of the cut is as visible as one of its texels:
+//! where bright ones are together with dark ones that are hidden, some light is lost, less with a smaller error.
+//!
+//! Glossy light is that of the lit texels, as sharp as those are fine: what is metal or polished sends on its diffuse colour alone, and
+//! a mirrored metal is dark.
 
 mod display;
+mod hull;
 mod object;
 mod passes;
 mod pipelines;
@@ -62,6 +83,7 @@ use crate::recovery::{forget_components, forget_resource};
 
 pub(crate) use prepare::Baked;
 pub use settings::{CssmFilter, CssmSettings};
+pub use bevy_bounce_shaders::types::CSSM_OBJECTS as MOST_OBJECTS;
 pub use surfaces::surfaces;
 
 /// Baked visibility of a rigid object: of the mesh it is on and of those below it, in the space of this entity.
@@ -80,7 +102,7 @@ pub struct CssmObject {
 #[reflect(Component, Debug, Clone, PartialEq)]
 pub struct CssmPart(pub u32);
 
-/// How often the texels of the baked object were lit: it rises in frames in which something changed. For measurements.
+/// How often the texels of baked objects were lit: it rises in frames in which something changed. For measurements.
 pub fn times_lit(render_world: &World) -> u64 {
     render_world.get_resource::<Baked>().map_or(0, |baked| baked.times_lit)
 }
@@ -105,11 +127,16 @@ impl Plugin for CssmPlugin {
         configure_stages(render_app);
         render_app
             .init_resource::<object::ExtractedCssm>()
+            .init_resource::<prepare::PreparedBakes>()
             .add_systems(
                 RenderStartup,
-                (pipelines::init_pipelines, forget_resource::<Baked>, forget_components::<prepare::CssmViewUniform>),
+                (
+                    pipelines::init_pipelines,
+                    forget_resource::<Baked>,
+                    forget_components::<prepare::CssmViewUniform>,
+                ),
             )
-            .add_systems(ExtractSchedule, (object::extract_cameras, object::extract_object).chain())
+            .add_systems(ExtractSchedule, (object::extract_cameras, object::extract_objects).chain())
             .add_systems(Render, (prepare::prepare_light, prepare::prepare_views).in_set(GiSystems::Prepare))
             .add_systems(RenderGraph, passes::light_texels.in_set(GiSystems::Cssm))
             .add_systems(Core3d, passes::light_pixels.in_set(ViewPass::Shade));

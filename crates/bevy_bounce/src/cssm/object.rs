@@ -1,4 +1,4 @@
-//! From the main world: the baked object, where it stands, which of its meshes are which part of the bake, and what cameras
+//! From the main world: the baked objects, where they stand, which of their meshes are which part of a bake, and what cameras
 //! ask for.
 
 use bevy::asset::AssetPath;
@@ -7,16 +7,17 @@ use bevy::core_pipeline::tonemapping::{Tonemapping, TonemappingLuts};
 use bevy::ecs::system::SystemParam;
 use bevy::image::Image;
 use bevy::math::Affine3A;
-use bevy::platform::collections::HashMap;
+use bevy::platform::collections::{HashMap, HashSet};
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::renderer::RenderDevice;
 use bevy::render::sync_world::RenderEntity;
 use bevy_bounce_cssm::{CssmAsset, CssmFile};
-use bevy_bounce_shaders::types::CssmGather;
+use bevy_bounce_shaders::types::{CSSM_OBJECTS, CssmGather};
 
 use super::display::light_of_steps;
-use super::prepare::Baked;
+use super::hull::Overlaps;
+use super::prepare::{Baked, PreparedBakes};
 use super::{CssmFilter, CssmObject, CssmPart};
 use crate::{GiSettings, GlobalIllumination, Technique};
 
@@ -26,22 +27,24 @@ const RIGID: f32 = 1.0e-3;
 /// Of this frame.
 #[derive(Resource, Default)]
 pub(super) struct ExtractedCssm {
-    /// World from the object's space; `None` without an object that is loaded and stands rigidly, or without a camera that asks.
-    pub placed: Option<Affine3A>,
-    /// The mesh of each part of the bake.
+    /// World from the space of each object, in the order of [`Baked`]; none without objects that are loaded and stand rigidly, or
+    /// without a camera that asks.
+    pub placed: Vec<Affine3A>,
+    /// The mesh of each part of their bakes, one object after the other.
     pub parts: Vec<Option<Entity>>,
     /// Gathers between texels; the last one is that of pixels.
     pub bounces: u32,
     /// How texels gather.
     pub gather: CssmGather,
+    overlaps: Overlaps,
     warned: Warned,
 }
 
 #[derive(Default)]
 struct Warned {
-    several: bool,
+    many: bool,
     bent: bool,
-    size: Option<AssetId<CssmAsset>>,
+    size: HashSet<AssetId<CssmAsset>>,
 }
 
 /// How the pixels of a view gather.
@@ -81,7 +84,7 @@ pub(super) fn extract_cameras(
         if !camera.is_active || gi.technique != Technique::SurfaceRadiosity {
             continue;
         }
-        let settings = gi.quality.settings();
+        let settings = gi.settings();
         let exposure = exposure.copied().unwrap_or_default().exposure();
         let gather = displays.gather(&settings, exposure, tonemapping.copied().unwrap_or(Tonemapping::None));
         commands.entity(render_entity).insert(CssmView(gather));
@@ -97,70 +100,109 @@ pub(super) fn extract_cameras(
 #[derive(SystemParam)]
 pub(super) struct Objects<'w, 's> {
     objects: Query<'w, 's, (Entity, &'static CssmObject, &'static GlobalTransform)>,
+    names: Query<'w, 's, NameOrEntity>,
     children: Query<'w, 's, &'static Children>,
     meshes: Query<'w, 's, (&'static Mesh3d, Option<&'static CssmPart>)>,
     assets: Res<'w, Assets<CssmAsset>>,
     server: Res<'w, AssetServer>,
 }
 
-/// Reads the object, and puts its bake on the GPU when it is another one than before.
-pub(super) fn extract_object(
+/// An object whose bake is loaded and that stands rigidly.
+#[derive(Clone, Copy)]
+struct Loaded<'a> {
+    entity: Entity,
+    asset: AssetId<CssmAsset>,
+    file: &'a CssmFile,
+    place: Affine3A,
+}
+
+/// Reads the objects, and puts their bakes on the GPU when they are others than before.
+pub(super) fn extract_objects(
     mut commands: Commands,
     mut extracted: ResMut<ExtractedCssm>,
+    mut prepared: ResMut<PreparedBakes>,
     baked: Option<Res<Baked>>,
     device: Res<RenderDevice>,
     objects: Extract<Objects>,
     mut events: Extract<MessageReader<AssetEvent<CssmAsset>>>,
 ) {
     let extracted = &mut *extracted;
-    extracted.placed = None;
-    let held = baked.map(|baked| baked.asset);
-    let changed = events.read().any(|event| match event {
-        AssetEvent::Modified { id } => Some(*id) == held,
-        _ => false,
-    });
+    extracted.placed.clear();
+    extracted.parts.clear();
+    let mut is_stale = false;
+    for event in events.read() {
+        if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
+            is_stale |= prepared.0.remove(id).is_some();
+        }
+    }
     if extracted.bounces == 0 {
-        return;
-    }
-    let mut loaded: Vec<_> = objects
-        .objects
-        .iter()
-        .filter_map(|(entity, object, transform)| {
-            Some((entity, object.bake.id(), transform, &objects.assets.get(&object.bake)?.file))
-        })
-        .collect();
-    loaded.sort_by_key(|(entity, ..)| (entity.index_u32(), entity.to_bits()));
-    if loaded.len() > 1 && !std::mem::replace(&mut extracted.warned.several, true) {
-        warn!("{} baked objects: one at a time is lit, the one that was spawned first", loaded.len());
-    }
-    let Some((entity, asset, transform, file)) = loaded.first() else { return };
-    let affine = transform.affine();
-    if !is_rigid(affine) {
-        if !std::mem::replace(&mut extracted.warned.bent, true) {
-            warn!("a baked object is stretched or bent by its transform: it is not lit");
+        if is_stale {
+            commands.remove_resource::<Baked>();
         }
         return;
     }
-    if held != Some(*asset) || changed {
-        match Baked::new(&device, *asset, file) {
-            Ok(baked) => commands.insert_resource(baked),
-            Err(error) => {
-                if extracted.warned.size.replace(*asset) != Some(*asset) {
-                    warn!(
-                        "a bake's {} have {} words and {} fit the GPU: it is not lit",
-                        error.section, error.words, error.limit
-                    );
-                }
-                return;
+    let loaded = objects.loaded(&mut extracted.warned);
+    prepared.hold(loaded.iter().map(|object| (object.asset, object.file)));
+    let assets: Vec<_> = loaded.iter().map(|object| object.asset).collect();
+    let held = baked.as_deref().filter(|baked| baked.assets == assets && !is_stale);
+    let fresh = held.is_none().then(|| {
+        let (baked, too_large) = Baked::new(&device, loaded.iter().map(|object| (object.asset, object.file)), &prepared);
+        for (asset, error) in too_large {
+            if extracted.warned.size.insert(asset) {
+                warn!(
+                    "a bake's {} have {} words and {} fit the GPU: it is not lit",
+                    error.section, error.words, error.limit
+                );
             }
         }
+        baked
+    });
+    let Some(baked) = held.or(fresh.as_ref()) else { return };
+    let lit: Vec<_> = loaded.iter().zip(&baked.fits).filter(|(_, fits)| **fits).map(|(object, _)| object).collect();
+    for object in &lit {
+        extracted.placed.push(object.place);
+        objects.parts(object.entity, object.file, &mut extracted.parts);
     }
-    extracted.placed = Some(affine);
-    objects.parts(*entity, file, &mut extracted.parts);
+    let hulls: Vec<_> = lit
+        .iter()
+        .filter_map(|object| Some((object.entity, object.place, &prepared.0.get(&object.asset)?.hull)))
+        .collect();
+    for pair in extracted.overlaps.new_pairs(&hulls) {
+        let [a, b] = pair.map(|entity| objects.name(entity));
+        warn!("the hulls of the baked objects {a} and {b} overlap: what one hides within the other from third ones is not known");
+    }
+    if let Some(fresh) = fresh {
+        commands.insert_resource(fresh);
+    }
 }
 
 impl Objects<'_, '_> {
-    /// The mesh of each part: as [`CssmPart`] says, or by the numbers in the mesh's asset label.
+    /// The objects that can be lit, those spawned first before others.
+    fn loaded(&self, warned: &mut Warned) -> Vec<Loaded<'_>> {
+        let object = |(entity, object, transform): (Entity, &CssmObject, &GlobalTransform)| {
+            let (asset, place) = (object.bake.id(), transform.affine());
+            Some(Loaded { entity, asset, file: &self.assets.get(asset)?.file, place })
+        };
+        let mut loaded: Vec<_> = self.objects.iter().filter_map(object).collect();
+        let all = loaded.len();
+        loaded.retain(|object| is_rigid(object.place));
+        if loaded.len() < all && !std::mem::replace(&mut warned.bent, true) {
+            warn!("a baked object is stretched or bent by its transform: it is not lit");
+        }
+        if loaded.len() > CSSM_OBJECTS && !std::mem::replace(&mut warned.many, true) {
+            warn!("{} baked objects: {CSSM_OBJECTS} at a time are lit, those that were spawned first", loaded.len());
+        }
+        loaded.sort_by_key(|object| (object.entity.index_u32(), object.entity.to_bits()));
+        loaded.truncate(CSSM_OBJECTS);
+        loaded
+    }
+
+    /// What a message calls an entity.
+    fn name(&self, entity: Entity) -> String {
+        self.names.get(entity).map_or_else(|_| entity.to_string(), |name| name.to_string())
+    }
+
+    /// Appends the mesh of each part: as [`CssmPart`] says, or by the numbers in the mesh's asset label.
     fn parts(&self, root: Entity, file: &CssmFile, parts: &mut Vec<Option<Entity>>) {
         let mut by_part: HashMap<u32, Entity> = HashMap::default();
         let mut by_label: HashMap<[u32; 2], Entity> = HashMap::default();
@@ -178,7 +220,6 @@ impl Objects<'_, '_> {
                 }
             }
         }
-        parts.clear();
         parts.extend((0..).zip(file.parts.iter()).map(|(number, part)| {
             by_part.get(&number).or_else(|| by_label.get(&[part.mesh, part.primitive])).copied()
         }));

@@ -1,5 +1,6 @@
 //! Light the texels, when something has changed; then the pixels.
 
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
@@ -38,7 +39,7 @@ impl Groups {
         device: &RenderDevice,
         cache: &PipelineCache,
     ) -> Option<Self> {
-        let (bake, gather) = (baked.parameters.binding()?, baked.gather.binding()?);
+        let (bakes, gather) = (baked.bakes.binding()?, baked.gather.binding()?);
         let emit = [
             whole(&scene.geometry),
             whole(&scene.instances),
@@ -50,7 +51,7 @@ impl Groups {
         ];
         let direct = [
             whole(&baked.texels),
-            bake.clone(),
+            bakes.clone(),
             scene.uniform()?,
             whole(&scene.lights),
             gather.clone(),
@@ -59,7 +60,7 @@ impl Groups {
         let hierarchy = |level| {
             let bindings = [
                 whole(&baked.texels),
-                bake.clone(),
+                bakes.clone(),
                 whole(&baked.tree),
                 whole(&baked.powers),
                 whole(&baked.sources),
@@ -70,7 +71,7 @@ impl Groups {
         };
         let bounce = [
             whole(&baked.texels),
-            bake.clone(),
+            bakes.clone(),
             whole(&baked.tree),
             whole(&baked.powers),
             gather,
@@ -87,12 +88,12 @@ impl Groups {
 }
 
 /// Light of every node from that of the texels.
-fn pull(p: &CssmPipelines, groups: &Groups, texels: u32, encoder: &mut CommandEncoder, cache: &PipelineCache) {
+fn pull(p: &CssmPipelines, groups: &Groups, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
     if let Some(group) = groups.hierarchy.first() {
-        p.leaves.dispatch(encoder, cache, &[group], folded(texels.div_ceil(GROUP)));
+        p.leaves.dispatch(encoder, cache, &[group], folded(baked.lights().div_ceil(GROUP)));
     }
     for (level, group) in groups.hierarchy.iter().enumerate().rev() {
-        p.pull.dispatch(encoder, cache, &[group], folded((1_u32 << level).div_ceil(GROUP)));
+        p.pull.dispatch(encoder, cache, &[group], folded(baked.row(level as u32).div_ceil(GROUP)));
     }
 }
 
@@ -106,13 +107,15 @@ pub(super) fn light_texels(
 ) {
     let (Some(mut baked), Some(p), Some(scene)) = (baked, pipelines, scene) else { return };
     let baked = &mut *baked;
-    let Some(wanted) = baked.wanted.clone().filter(|wanted| Some(wanted) != baked.solved.as_ref()) else { return };
+    if baked.wanted == baked.solved {
+        return;
+    }
+    let Some(wanted) = baked.wanted.clone() else { return };
     let Some(groups) = Groups::new(&p, baked, &scene, ctx.render_device(), &cache).filter(|_| p.are_ready(&cache))
     else {
         return;
     };
-    let texels = baked.texel_count();
-    let size = folded(texels.div_ceil(GROUP));
+    let size = folded(baked.lights().div_ceil(GROUP));
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
@@ -120,41 +123,41 @@ pub(super) fn light_texels(
     p.emit.dispatch(encoder, &cache, &[&groups.emit], size);
     p.direct.dispatch(encoder, &cache, &[&groups.direct, &groups.maps], size);
     encoder.clear_buffer(&baked.gathered, 0, None);
-    pull(&p, &groups, texels, encoder, &cache);
+    pull(&p, &groups, baked, encoder, &cache);
     // The pixels' own gather is the last bounce.
     for _ in 1..wanted.bounces {
         p.bounce.dispatch(encoder, &cache, &[&groups.bounce, &groups.maps], size);
-        pull(&p, &groups, texels, encoder, &cache);
+        pull(&p, &groups, baked, encoder, &cache);
     }
     span.end(encoder);
     baked.solved = Some(wanted);
     baked.times_lit += 1;
 }
 
-/// The final gather of a view into `indirect`.
+/// The final gather of a view into `indirect`, and into `glossy` where there is such light.
 pub(super) fn light_pixels(
-    view: ViewQuery<(&GiView, &CssmViewUniform, &ViewTextures, &ViewUniformOffset)>,
+    view: ViewQuery<(&GiView, &CssmViewUniform, &ViewTextures, &ViewPrepassTextures, &ViewUniformOffset)>,
     baked: Option<Res<Baked>>,
     pipelines: Option<Res<CssmPipelines>>,
     view_uniforms: Res<ViewUniforms>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (gi, settings, textures, offset) = view.into_inner();
+    let (gi, settings, textures, prepass, offset) = view.into_inner();
     let (Some(baked), Some(p), Some(view_buffer)) = (baked, pipelines, view_uniforms.uniforms.buffer()) else { return };
     let is_lit = baked.wanted.is_some() && baked.wanted == baked.solved;
     if gi.technique != Technique::SurfaceRadiosity || !is_lit {
         return;
     }
-    let (Some(bake), Some(settings)) = (baked.parameters.binding(), settings.0.binding()) else { return };
+    let (Some(bakes), Some(settings)) = (baked.bakes.binding(), settings.0.binding()) else { return };
     let view_uniform = BindingResource::Buffer(BufferBinding {
         buffer: view_buffer,
         offset: offset.offset.into(),
         size: Some(ViewUniform::min_size()),
     });
-    let bindings = [
+    let mut bindings = vec![
         whole(&baked.texels),
-        bake,
+        bakes,
         whole(&baked.tree),
         whole(&baked.powers),
         settings,
@@ -162,13 +165,18 @@ pub(super) fn light_pixels(
         BindingResource::TextureView(&textures.surface),
         BindingResource::TextureView(&textures.indirect),
     ];
-    let group = p.pixels.bind(ctx.render_device(), &cache, &bindings);
+    let mut kernel = &p.pixels;
+    if let (Some(glossy), Some(deferred)) = (&textures.glossy, prepass.deferred_view()) {
+        bindings.extend([BindingResource::TextureView(deferred), BindingResource::TextureView(glossy)]);
+        kernel = &p.glossy_pixels;
+    }
+    let group = kernel.bind(ctx.render_device(), &cache, &bindings);
     let maps = bind_maps(&baked, ctx.render_device(), &cache);
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/cssm_pixels");
     let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE));
-    p.pixels.dispatch(encoder, &cache, &[&group, &maps], tiles.extend(1));
+    kernel.dispatch(encoder, &cache, &[&group, &maps], tiles.extend(1));
     span.end(encoder);
 }

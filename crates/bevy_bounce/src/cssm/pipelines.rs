@@ -21,6 +21,8 @@ pub(super) struct CssmPipelines {
     pub pull: Kernel,
     pub bounce: Kernel,
     pub pixels: Kernel,
+    /// With glossy light.
+    pub glossy_pixels: Kernel,
 }
 
 impl CssmPipelines {
@@ -36,7 +38,7 @@ fn maps_layout() -> BindGroupLayoutDescriptor {
     group_layout("bounce_cssm_maps", &[read, read, read, read])
 }
 
-/// The bake's maps as group 1.
+/// The bakes' maps as group 1.
 pub(super) fn bind_maps(baked: &Baked, device: &RenderDevice, cache: &PipelineCache) -> BindGroup {
     let [a, b, c] = &baked.pages;
     bind_group(device, cache, &maps_layout(), &[whole(&baked.directory), whole(a), whole(b), whole(c)])
@@ -48,26 +50,28 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let write = storage_buffer_sized(false, None);
     let surface = texture_2d(TextureSampleType::Uint);
     let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
-    let kernel = |path, entry, bindings: &[_], groups: &[_]| {
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs: vec![] })
+    let kernel_with = |path, entry, bindings: &[_], groups: &[_], defs| {
+        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
     };
+    let kernel = |path, entry, bindings: &[_], groups: &[_]| kernel_with(path, entry, bindings, groups, vec![]);
     let maps = [maps_layout()];
     // Geometry, instances, materials, thumbnails; surfaces, parts; light.
     let emit = [read, read, read, read, read, read, write];
-    // Texels, bake; scene, lights, settings; light.
+    // Texels, bakes; scene, lights, settings; light.
     let direct = [read, uniform, uniform, read, uniform, write];
-    // Texels, bake; tree, nodes' light; light, irradiance, level.
+    // Texels, bakes; tree, nodes' light; light, irradiance, level.
     let hierarchy = [read, uniform, read, write, read, read, uniform];
-    // Texels, bake; tree, nodes' light, settings; irradiance.
+    // Texels, bakes; tree, nodes' light, settings; irradiance.
     let bounce = [read, uniform, read, read, uniform, write];
-    // The same; view, surface; light.
-    let pixels = [read, uniform, read, read, uniform, uniform, surface, output];
+    // The same; view, surface; light; G-buffer, glossy light.
+    let pixels = [read, uniform, read, read, uniform, uniform, surface, output, surface, output];
     commands.insert_resource(CssmPipelines {
         emit: kernel("cssm/emit.wgsl", "emit", &emit, &[]),
         direct: kernel("cssm/direct.wgsl", "direct", &direct, &maps),
         leaves: kernel("cssm/hierarchy.wgsl", "leaves", &hierarchy, &[]),
         pull: kernel("cssm/hierarchy.wgsl", "pull", &hierarchy, &[]),
         bounce: kernel("cssm/bounce.wgsl", "bounce", &bounce, &maps),
-        pixels: kernel("cssm/pixels.wgsl", "pixels", &pixels, &maps),
+        pixels: kernel("cssm/pixels.wgsl", "pixels", &pixels[..8], &maps),
+        glossy_pixels: kernel_with("cssm/pixels.wgsl", "pixels", &pixels, &maps, vec!["GLOSSY".into()]),
     });
 }

@@ -1,51 +1,80 @@
-//! The bake on the GPU, and what is solved on it.
+//! The bakes on the GPU, and what is solved on them.
 
 use bevy::math::Affine3A;
+use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::render_resource::{
     Buffer, BufferDescriptor, BufferInitDescriptor, BufferUsages, ShaderType, UniformBuffer,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_cssm::{CssmAsset, CssmFile};
-use bevy_bounce_shaders::types::{CssmBake, CssmGather, CssmLevel, NONE};
+use bevy_bounce_shaders::types::{CssmBakes, CssmGather, CssmLevel, CssmSurface, NONE};
 
+use super::hull::Hull;
 use super::object::ExtractedCssm;
 use super::surfaces::surfaces;
 use super::tree::Tree;
-use super::words::{self, PAGE_BITS, PAGES, TooLarge};
+use super::words::{PAGE_BITS, PAGES, TooLarge, Words, placed};
 use crate::scene::{Instances, SceneBuffers};
 
 /// Bytes of a value that each texel or node has.
 const VALUE: u64 = 16;
 
-/// A bake, and the light of its texels.
+/// What is made of a bake once, whatever objects have it.
+pub(super) struct Prepared {
+    tree: Tree,
+    surfaces: Vec<CssmSurface>,
+    pub hull: Hull,
+}
+
+/// Of the bakes of all objects.
+#[derive(Resource, Default)]
+pub(super) struct PreparedBakes(pub HashMap<AssetId<CssmAsset>, Prepared>);
+
+impl PreparedBakes {
+    /// Prepares what is new and forgets what is not asked for.
+    pub fn hold<'a>(&mut self, bakes: impl Iterator<Item = (AssetId<CssmAsset>, &'a CssmFile)> + Clone) {
+        self.0.retain(|asset, _| bakes.clone().any(|(held, _)| held == *asset));
+        for (asset, file) in bakes {
+            self.0.entry(asset).or_insert_with(|| Prepared {
+                tree: Tree::build(file),
+                surfaces: surfaces(file),
+                hull: Hull::new(file),
+            });
+        }
+    }
+}
+
+/// Baked objects, and the light of their texels.
 #[derive(Resource)]
 pub(crate) struct Baked {
-    /// Whose words these are.
-    pub asset: AssetId<CssmAsset>,
-    /// `CssmBake`.
-    pub parameters: UniformBuffer<CssmBake>,
+    /// The bake of each object that was asked for.
+    pub assets: Vec<AssetId<CssmAsset>>,
+    /// Which of these have found room; the others are left out.
+    pub fits: Vec<bool>,
+    /// `CssmBakes`.
+    pub bakes: UniformBuffer<CssmBakes>,
     /// `CssmGather` of the texels.
     pub gather: UniformBuffer<CssmGather>,
-    /// Records of the file.
+    /// Records of the files.
     pub texels: Buffer,
-    /// Of the cube maps, then of the maps from outside.
+    /// Of each bake, of the cube maps, then of the maps from outside.
     pub directory: Buffer,
     /// Blocks.
     pub pages: [Buffer; PAGES],
-    /// `array<vec4<u32>>`: nodes, then leaves.
+    /// `array<vec4<u32>>`, of each bake: nodes, then leaves.
     pub tree: Buffer,
-    /// `array<CssmSurface>`, by texel.
+    /// `array<CssmSurface>`, by place of light.
     pub surfaces: Buffer,
     /// `array<u32>`: instance of each part.
     pub part_instances: Buffer,
-    /// `array<vec4<f32>>`, by node: radiance times area, area.
+    /// `array<vec4<f32>>`, two by place of light, of each object its nodes: radiance times area, area.
     pub powers: Buffer,
-    /// `array<vec4<f32>>`, by texel: radiance without bounces.
+    /// `array<vec4<f32>>`, by place of light, of each object its texels: radiance without bounces.
     pub sources: Buffer,
-    /// `array<vec4<f32>>`, by texel: irradiance over pi, nodes of the cut.
+    /// `array<vec4<f32>>`, by place of light: irradiance over pi, nodes of the cuts.
     pub gathered: Buffer,
-    /// One `CssmLevel` each, from the root on.
+    /// One `CssmLevel` each, from the roots on.
     pub levels: Vec<Buffer>,
     /// What the light was solved from, and what it is to be solved from now; `None` before the first frame.
     pub solved: Option<State>,
@@ -53,13 +82,12 @@ pub(crate) struct Baked {
     pub wanted: Option<State>,
     /// How often the texels were lit.
     pub times_lit: u64,
-    template: CssmBake,
 }
 
 /// All that the light of the texels depends on.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State {
-    parameters: CssmBake,
+    bakes: CssmBakes,
     gather: CssmGather,
     /// Gathers between texels and the one of the pixels.
     pub bounces: u32,
@@ -98,13 +126,30 @@ fn filled(device: &RenderDevice, label: &'static str, pieces: &[&[u32]]) -> Buff
 }
 
 impl Baked {
-    /// Uploads a file's words and builds its hierarchy.
-    pub fn new(device: &RenderDevice, asset: AssetId<CssmAsset>, file: &CssmFile) -> Result<Self, TooLarge> {
-        words::check_size(file, PAGE_BITS)?;
-        let tree = Tree::build(file);
-        let surfaces: Vec<u32> =
-            surfaces(file).iter().flat_map(|surface| [surface.part, surface.triangle, surface.barycentric]).collect();
-        let texels = u64::from(tree.texels);
+    /// Uploads the words of the objects' bakes, each once. Says which of them found no room.
+    pub(super) fn new<'a>(
+        device: &RenderDevice,
+        objects: impl Iterator<Item = (AssetId<CssmAsset>, &'a CssmFile)>,
+        prepared: &'a PreparedBakes,
+    ) -> (Self, Vec<(AssetId<CssmAsset>, TooLarge)>) {
+        let mut words = Words::new(PAGE_BITS);
+        let mut bakes = HashMap::new();
+        let (mut assets, mut fits, mut too_large) = (Vec::new(), Vec::new(), Vec::new());
+        let (mut shown, mut parts) = (Vec::new(), 0);
+        for (asset, file) in objects {
+            let Some(prepared) = prepared.0.get(&asset) else { continue };
+            let bake = *bakes.entry(asset).or_insert_with(|| words.bake(file, &prepared.tree));
+            let added = bake.and_then(|bake| words.object(bake, Affine3A::IDENTITY));
+            assets.push(asset);
+            fits.push(added.is_ok());
+            match added {
+                Ok(()) => {
+                    shown.extend(prepared.surfaces.iter().flat_map(|surface| surface_words(surface, parts)));
+                    parts += file.parts.iter().count() as u32;
+                }
+                Err(error) => too_large.push((asset, error)),
+            }
+        }
         let level = |level: u32| {
             device.create_buffer_with_data(&BufferInitDescriptor {
                 label: Some("bounce_cssm_level"),
@@ -113,33 +158,41 @@ impl Baked {
             })
         };
         debug_assert_eq!(CssmLevel::min_size().get(), 4);
-        let template = words::parameters(file, Affine3A::IDENTITY, PAGE_BITS);
-        Ok(Self {
-            asset,
-            parameters: UniformBuffer::from(template),
+        let lights = u64::from(words.table.lights) * VALUE;
+        let levels = words.table.objects.iter().map(|bake| bake.levels).max().unwrap_or(0);
+        let baked = Self {
+            assets,
+            fits,
+            bakes: UniformBuffer::from(words.table),
             gather: UniformBuffer::default(),
-            texels: filled(device, "bounce_cssm_texels", &[&file.texels]),
-            directory: filled(device, "bounce_cssm_directory", &words::directory(file)),
-            pages: std::array::from_fn(|page| {
-                filled(device, "bounce_cssm_blocks", &words::page(file, page, PAGE_BITS))
-            }),
-            tree: filled(device, "bounce_cssm_tree", &[tree.words.as_flattened()]),
-            surfaces: filled(device, "bounce_cssm_surfaces", &[&surfaces]),
-            part_instances: storage(device, "bounce_cssm_parts", 4 * file.parts.iter().count() as u64),
-            powers: storage(device, "bounce_cssm_powers", u64::from(tree.nodes()) * VALUE),
-            sources: storage(device, "bounce_cssm_sources", texels * VALUE),
-            gathered: storage(device, "bounce_cssm_gathered", texels * VALUE),
-            levels: (0..tree.levels()).map(level).collect(),
+            texels: filled(device, "bounce_cssm_texels", words.texels.all()),
+            directory: filled(device, "bounce_cssm_directory", words.directory.all()),
+            pages: std::array::from_fn(|page| filled(device, "bounce_cssm_blocks", &words.page(page))),
+            tree: filled(device, "bounce_cssm_tree", words.trees.all()),
+            surfaces: filled(device, "bounce_cssm_surfaces", &[&shown]),
+            part_instances: storage(device, "bounce_cssm_parts", 4 * u64::from(parts)),
+            powers: storage(device, "bounce_cssm_powers", 2 * lights),
+            sources: storage(device, "bounce_cssm_sources", lights),
+            gathered: storage(device, "bounce_cssm_gathered", lights),
+            // The leaves need one, too.
+            levels: (0..levels.max(1)).map(level).collect(),
             solved: None,
             wanted: None,
             times_lit: 0,
-            template,
-        })
+        };
+        (baked, too_large)
     }
 
-    /// Texels.
-    pub fn texel_count(&self) -> u32 {
-        self.template.texel_count
+    /// Texels of all objects.
+    pub fn lights(&self) -> u32 {
+        self.bakes.get().lights
+    }
+
+    /// Places in the complete rows of that level, of all objects that have it.
+    pub fn row(&self, level: u32) -> u32 {
+        let bakes = self.bakes.get();
+        let have = bakes.objects.iter().take(bakes.count as usize).filter(|bake| level < bake.levels).count();
+        (have as u32) << level
     }
 
     /// Names and sizes of what is held on the GPU, bytes.
@@ -154,6 +207,12 @@ impl Baked {
     }
 }
 
+/// The words of a `CssmSurface`, whose part is one of all objects'.
+fn surface_words(surface: &CssmSurface, first_part: u32) -> [u32; 3] {
+    let part = if surface.part == NONE { NONE } else { first_part + surface.part };
+    [part, surface.triangle, surface.barycentric]
+}
+
 /// Says what this frame's light depends on, and uploads what of it is small.
 pub(super) fn prepare_light(
     baked: Option<ResMut<Baked>>,
@@ -165,22 +224,25 @@ pub(super) fn prepare_light(
 ) {
     let Some(mut baked) = baked else { return };
     let baked = &mut *baked;
-    let (Some(placed), Some(instances), Some(scene)) = (extracted.placed, instances, scene) else {
+    let (Some(instances), Some(scene), false) = (instances, scene, extracted.placed.is_empty()) else {
         baked.wanted = None;
         return;
     };
-    let parameters = words::placed(baked.template, placed);
+    let mut bakes = *baked.bakes.get();
+    for (bake, place) in bakes.objects.iter_mut().zip(&extracted.placed) {
+        *bake = placed(*bake, *place);
+    }
     let look = |entity: &Option<Entity>| entity.and_then(|entity| instances.look(entity)).unwrap_or([NONE; 3]);
     let state = State {
-        parameters,
+        bakes,
         gather: extracted.gather,
         bounces: extracted.bounces,
         parts: extracted.parts.iter().map(look).collect(),
         revision: scene.light_revision(),
     };
     if baked.wanted.as_ref() != Some(&state) {
-        baked.parameters.set(parameters);
-        baked.parameters.write_buffer(&device, &queue);
+        baked.bakes.set(bakes);
+        baked.bakes.write_buffer(&device, &queue);
         baked.gather.set(extracted.gather);
         baked.gather.write_buffer(&device, &queue);
         if !state.parts.is_empty() {

@@ -12,6 +12,9 @@ pub struct CssmSettings {
     pub error: f32,
     /// How visibility is looked up.
     pub filter: CssmFilter,
+    /// The last bounce is glossy, too: metal and polish reflect the lit texels, as sharply as those are fine. Costs about as many
+    /// more nodes as a reflection has steps of `error`, and 8 bytes a pixel.
+    pub glossy: bool,
 }
 
 /// How baked visibility is looked up.
@@ -26,8 +29,8 @@ pub enum CssmFilter {
 }
 
 impl CssmSettings {
-    /// Sixteen steps, unfiltered.
-    pub const DEFAULT: Self = Self { error: 16.0, filter: CssmFilter::Nearest };
+    /// Sixteen steps, unfiltered, diffuse.
+    pub const DEFAULT: Self = Self { error: 16.0, filter: CssmFilter::Nearest, glossy: false };
 
     /// The same within the documented ranges.
     pub(crate) fn clamped(self) -> Self {

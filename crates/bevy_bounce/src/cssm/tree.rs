@@ -20,12 +20,14 @@ use bevy_bounce_cssm::{CssmFile, Texel};
 use half::f16;
 
 /// A hierarchy as the GPU takes it.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tree {
     /// Nodes, then leaves four at a time; see the [module](self).
     pub words: Vec<[u32; 4]>,
     /// Texels.
     pub texels: u32,
+    /// From the middle of a square of the largest texel's area to its corners, world units of the object's space.
+    pub reach: f32,
 }
 
 /// A node, unpacked as the shader does.
@@ -64,7 +66,7 @@ impl Tree {
         for leaves in order.chunks(4) {
             words.push(std::array::from_fn(|i| leaves.get(i).copied().unwrap_or(0)));
         }
-        Self { words, texels: texels.len() as u32 }
+        Self { words, texels: texels.len() as u32, reach: texels.iter().map(reach).fold(0.0, f32::max) }
     }
 
     /// Nodes: one less than twice the texels.

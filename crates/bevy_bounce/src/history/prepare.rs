@@ -125,7 +125,7 @@ impl History {
 
 /// Lights of a view that have a history.
 fn lights(asked: &GiView) -> usize {
-    1 + usize::from(asked.settings.radiance_cache.glossy)
+    1 + usize::from(asked.settings.has_glossy_light())
 }
 
 type Drawn<'w> = (&'w ExtractedCamera, &'w ExtractedView, Option<&'w TemporalJitter>);

@@ -68,6 +68,8 @@ fn exercise(bytes: &[u8]) -> bool {
             file.visible(&texel, point);
             file.visibility(&texel, [0.4, 1.2], point, Filter::PixelsAndTexels);
             file.blocks(point, [2.0; 3]);
+            file.sees(&texel, point);
+            file.stands_between([2.0; 3], point);
             file.seen_from_outside(point, [0.0, 1.0, 0.0]);
         }
         let side = file.meta.depth;

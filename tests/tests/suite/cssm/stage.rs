@@ -1,6 +1,5 @@
 //! Whole frames lit by baked visibility.
 
-use std::path::Path;
 use std::time::Duration;
 
 use bevy::asset::RenderAssetUsages;
@@ -11,7 +10,6 @@ use bevy_bounce::cssm::times_lit;
 use bevy_bounce::{CssmFilter, CssmObject, CssmPart, CssmSettings, GiSettings, GlobalIllumination, Quality, Technique};
 use bevy_bounce_bake as bake;
 use bevy_bounce_cssm::{CssmAsset, CssmFile};
-use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
 use bevy_bounce_tests::baked::cornell_box;
 use bevy_bounce_tests::metrics::{Bounds, Metrics, compare};
 use bevy_bounce_tests::picture::Picture;
@@ -27,14 +25,7 @@ fn radiosity(settings: GiSettings) -> GlobalIllumination {
 
 /// The project's own Cornell box.
 fn cornell() -> Stage {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/cornell_box.glb");
-    let file = SceneFile::open(&path).unwrap_or_else(|error| panic!("{error}"));
-    let camera = file.camera(None).unwrap_or_else(|error| panic!("{error}")).cloned();
-    let folder = file.folder();
-    Stage::with_assets(run(SIZE, Some(radiosity(SMALL))), Some(folder), |app| {
-        let bake = Some(cornell_box().clone());
-        app.add_plugins(GltfScenePlugin { file, camera, matte: true, flip_textures: false, bake });
-    })
+    Stage::of_asset("cornell_box.glb", run(SIZE, Some(radiosity(SMALL))), true, Some(cornell_box().clone()))
 }
 
 fn lamp(stage: &mut Stage) -> Entity {

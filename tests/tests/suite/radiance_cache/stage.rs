@@ -1,15 +1,12 @@
 //! Whole frames lit by radiance caches.
 
-use std::path::Path;
-
 use bevy::camera::Exposure;
 use bevy::prelude::*;
 use bevy_bounce::{
     GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, Resolution, Technique, VoxelizedMesh,
 };
-use bevy_bounce_examples::glb::GlossyBalls;
-use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
-use bevy_bounce_examples::scenes::{Builder, CornellBox, CornellPlugin, Walls};
+use bevy_bounce_examples::scenes::{Builder, CornellPlugin, Walls};
+use bevy_bounce_tests::balls::ball_ratios;
 use bevy_bounce_tests::metrics::{Bounds, Metrics, compare};
 use bevy_bounce_tests::picture::Picture;
 use bevy_bounce_tests::references::committed_file;
@@ -232,29 +229,7 @@ fn a_sealed_room_stays_dark() {
     assert!(bright > 1.0 && dark < 0.01 * bright, "{:.2} % of the light is in the dark room", 100.0 * dark / bright);
 }
 
-/// What GGX of the balls' roughness reflects of white light in one bounce where all of it would be reflected: its mean over the hemisphere,
-/// weighted by the cosine, by quadrature.
-const WHITE_ONCE: [f32; 4] = [0.998, 0.977, 0.881, 0.604];
-
-/// Mean green light of a ball but for its edge, as seen by the box's camera.
-fn ball_light(picture: &Picture, center: Vec3) -> f32 {
-    let size = Vec2::new(picture.width as f32, picture.height as f32);
-    let half = (0.5 * CornellBox::FIELD_OF_VIEW).tan() * Vec2::new(size.x / size.y, 1.0);
-    let to_ball = center - CornellBox::EYE;
-    let shows = |i: usize| {
-        let pixel = Vec2::new((i % picture.width) as f32, (i / picture.width) as f32) + 0.5;
-        let place = (2.0 * pixel / size - 1.0) * half * Vec2::new(1.0, -1.0);
-        let direction = place.extend(-1.0).normalize();
-        to_ball.cross(direction).length() < 0.9 * GlossyBalls::RADIUS
-    };
-    let light: Vec<f32> = (0..picture.pixels.len()).filter(|i| shows(*i)).map(|i| picture.pixels[i][1]).collect();
-    light.iter().sum::<f32>() / light.len() as f32
-}
-
 /// `tests/data/glossy_box.indirect.exr` is path-traced from `assets/glossy_box.glb`.
-///
-/// The path tracer's GGX reflects once: what bounces on in the relief of a rough metal is lost to it, and comes out again here, as in
-/// Bevy's own light. Metals are compared without that part, by its closed form.
 #[test]
 #[ignore = "the smoothest plastic ball is 12.7 % too dark where 12 are allowed; takes a minute on a software adapter"]
 fn glossy_balls_equal_their_reference() {
@@ -263,26 +238,8 @@ fn glossy_balls_equal_their_reference() {
     let caches = RadianceCacheSettings { glossy: true, caches: 32768, ..default() };
     let settings =
         GiSettings { grid: 64, vpls: 1024, bounces: 12, resolution: Resolution::Full, radiance_cache: caches, ..SMALL };
-    let file = SceneFile::open(&Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/glossy_box.glb"));
-    let file = file.unwrap_or_else(|error| panic!("{error}"));
-    let camera = file.camera(None).unwrap_or_else(|error| panic!("{error}")).cloned();
-    let plugin = GltfScenePlugin { file: file.clone(), camera, matte: false, flip_textures: false, bake: None };
-    let picture = Stage::with_assets(run(size, Some(illumination(settings))), Some(file.folder()), |app| {
-        app.add_plugins(plugin);
-    })
-    .picture();
-    let mut wrong = Vec::new();
-    for row in 0..GlossyBalls::ROWS.len() {
-        for (column, roughness) in GlossyBalls::ROUGHNESS.into_iter().enumerate() {
-            let light = |picture: &Picture| ball_light(picture, GlossyBalls::center(row, column));
-            let (metallic, albedo, _) = GlossyBalls::ROWS[row];
-            let once = 1.0 - metallic * (1.0 - WHITE_ONCE[column]) * (albedo + (1.0 - albedo) / 21.0);
-            let ratio = once * light(&picture) / light(&reference);
-            println!("metallic {metallic}, roughness {roughness}: {ratio:.3}, as it is {:.3}", ratio / once);
-            if (ratio - 1.0).abs() > 0.12 {
-                wrong.push((metallic, roughness, ratio));
-            }
-        }
-    }
-    assert!(wrong.is_empty(), "metallic, roughness, energy: {wrong:?}");
+    let picture = Stage::of_asset("glossy_box.glb", run(size, Some(illumination(settings))), false, None).picture();
+    let wrong = ball_ratios(&picture, &reference).into_iter().filter(|ball| (ball.ratio - 1.0).abs() > 0.12);
+    let wrong: Vec<_> = wrong.collect();
+    assert!(wrong.is_empty(), "{wrong:?}");
 }

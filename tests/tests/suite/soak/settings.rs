@@ -63,6 +63,7 @@ fn settings(random: &mut Rng) -> GiSettings {
         cssm: CssmSettings {
             error: float(random, 4.0, 128.0),
             filter: one_of(random, &[CssmFilter::Nearest, CssmFilter::Pixels]),
+            glossy: random.bool(),
         },
         radiance_cache: RadianceCacheSettings {
             glossy: random.bool(),

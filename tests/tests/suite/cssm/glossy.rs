@@ -1,0 +1,55 @@
+//! Metal and polish that reflect baked texels.
+
+use bevy::prelude::*;
+use bevy_bounce::{CssmSettings, GiSettings, GlobalIllumination, Quality, Technique};
+use bevy_bounce_tests::baked::{cornell_box, glossy_box};
+use bevy_bounce_tests::balls::ball_ratios;
+use bevy_bounce_tests::metrics::{Bounds, compare};
+use bevy_bounce_tests::picture::Picture;
+use bevy_bounce_tests::references::committed_file;
+use bevy_bounce_tests::stage::{SMALL, Stage, run};
+
+fn radiosity(glossy: bool, error: f32, bounces: u32) -> GlobalIllumination {
+    let settings = GiSettings { bounces, cssm: CssmSettings { error, glossy, ..CssmSettings::DEFAULT }, ..SMALL };
+    GlobalIllumination { technique: Technique::SurfaceRadiosity, quality: Quality::Custom(settings) }
+}
+
+/// `tests/data/glossy_box.indirect.exr` is path-traced from `assets/glossy_box.glb`.
+#[test]
+fn glossy_balls_equal_their_reference() {
+    let reference = Picture::load(&committed_file("glossy_box.indirect.exr")).expect("is committed");
+    let size = UVec2::new(reference.width as u32, reference.height as u32);
+    let asset = Some(glossy_box().clone());
+    let mut stage = Stage::of_asset("glossy_box.glb", run(size, Some(radiosity(true, 4.0, 10))), false, asset);
+    let picture = stage.picture();
+    if let Some(folder) = std::env::var_os("BOUNCE_PICTURES") {
+        for (name, picture) in [("light", &picture), ("reference", &reference)] {
+            let path = std::path::Path::new(&folder).join(format!("glossy_box.cssm.{name}.exr"));
+            picture.save(&path).unwrap_or_else(|error| panic!("{error}"));
+        }
+    }
+    let ratios = ball_ratios(&picture, &reference);
+    let bounds = Bounds { energy: Some((0.88, 1.12)), ..Bounds::default() };
+    let metrics = compare(&picture, &reference, &bounds).unwrap_or_else(|error| panic!("{error}"));
+    println!("{metrics:?}");
+    let wrong: Vec<_> = ratios.iter().filter(|ball| (ball.ratio - 1.0).abs() > 0.12).collect();
+    assert!(wrong.is_empty(), "{wrong:?}");
+    // Without glossy light metal is black.
+    stage.light_by(radiosity(false, 4.0, 10));
+    let dull = ball_ratios(&stage.settled_picture(), &reference);
+    assert!(dull.iter().all(|ball| ball.metallic == 0.0 || ball.ratio < 0.05), "{dull:?}");
+    stage.light_by(radiosity(true, 4.0, 10));
+    assert!(picture == stage.settled_picture(), "without glossy light something is left behind");
+}
+
+/// What is rough and reflects nothing has the same light, with the lobe and without it.
+#[test]
+fn matt_surfaces_have_the_same_light() {
+    let bake = Some(cornell_box().clone());
+    let mut stage =
+        Stage::of_asset("cornell_box.glb", run(UVec2::new(64, 36), Some(radiosity(false, 4.0, 2))), true, bake);
+    let matt = stage.picture();
+    stage.light_by(radiosity(true, 4.0, 2));
+    let bounds = Bounds { energy: Some((0.98, 1.02)), nrmse: Some(0.05), ..Bounds::default() };
+    compare(&stage.settled_picture(), &matt, &bounds).unwrap_or_else(|error| panic!("{error}"));
+}
