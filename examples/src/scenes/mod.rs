@@ -17,6 +17,7 @@ mod see_through;
 mod showroom;
 mod solid;
 mod u_room;
+mod village;
 
 pub use animal::AnimalPlugin;
 pub use buddha_box::BuddhaBoxPlugin;
@@ -33,3 +34,4 @@ pub use see_through::SeeThroughPlugin;
 pub use showroom::ShowroomPlugin;
 pub use solid::Solid;
 pub use u_room::URoomPlugin;
+pub use village::VillagePlugin;

@@ -1,7 +1,7 @@
 // Direct light into the texels of baked objects, with Bevy's units, cones and ranges. Shadows are those of the objects: of its
 // own by the texel's cube map, of others by their maps from outside.
 //
-// Cost: one thread a texel; a query of visibility for each light that it faces, and one for each other object on the way.
+// Cost: one thread a texel; a query of visibility for each light that it faces (four for a rect light), and one for each other object on the way.
 
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::cssm::query::{is_hidden, is_seen_from_outside, sight}
@@ -9,25 +9,15 @@
     bakes, load_texel, object_of, to_object, to_world, turn_to_object, turn_to_world, Texel,
 }
 #import bevy_bounce::cssm::types::CssmGather
+#import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
 #import bevy_bounce::shared::sampling::PI
-#import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL}
+#import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT}
 
 @group(0) @binding(2) var<uniform> scene: Scene;
 @group(0) @binding(3) var<storage, read> lights: array<Light>;
 @group(0) @binding(4) var<uniform> settings: CssmGather;
 // Of each texel, radiance without bounces, cd/m^2: emission before, with reflected direct light after.
 @group(0) @binding(5) var<storage, read_write> sources: array<vec4<f32>>;
-
-
-// Bevy's window: 1 near the light, 0 at its range. Karis 2013, "Real Shading in Unreal Engine 4".
-fn range_window(range: f32, square: f32) -> f32 {
-    if range <= 0.0 {
-        return 1.0;
-    }
-    let f = square / (range * range);
-    let window = clamp(1.0 - f * f, 0.0, 1.0);
-    return window * window;
-}
 
 // A texel in the world.
 struct Place {
@@ -55,22 +45,37 @@ fn directional(place: Place, light: Light) -> vec3<f32> {
     return light.color * cosine;
 }
 
+// How much of a point is seen.
+fn visible(place: Place, point: vec3<f32>) -> f32 {
+    let own = sight(place.object, place.texel, to_object(place.object, point), settings.filtered != 0u);
+    return select(own, 0.0, own <= 0.0 || is_hidden(place.position, point, place.object, place.object));
+}
+
 fn punctual(place: Place, light: Light) -> vec3<f32> {
     let way = light.position - place.position;
     let square = max(dot(way, way), 1e-12);
     let direction = way * inverseSqrt(square);
     var strength = max(dot(place.normal, direction), 0.0) / square * range_window(light.range, square);
     if light.kind == LIGHT_SPOT {
-        let cone = clamp(-dot(direction, light.direction) * light.spot_scale + light.spot_offset, 0.0, 1.0);
-        strength *= cone * cone;
+        strength *= spot_window(light, -direction);
     }
-    if strength > 0.0 {
-        strength *= sight(place.object, place.texel, to_object(place.object, light.position), settings.filtered != 0u);
-    }
-    if strength <= 0.0 || is_hidden(place.position, light.position, place.object, place.object) {
+    if strength <= 0.0 {
         return vec3<f32>(0.0);
     }
-    return light.color * strength;
+    return light.color * (strength * visible(place, light.position));
+}
+
+fn from_rect(place: Place, light: Light) -> vec3<f32> {
+    var sum = 0.0;
+    for (var part = 0u; part < RECT_PARTS * RECT_PARTS; part++) {
+        let point = rect_part(light, part);
+        let form_factor = rect_part_form_factor(light, point - place.position, place.normal);
+        if form_factor > 0.0 {
+            sum += form_factor * visible(place, point);
+        }
+    }
+    let middle = light.position - place.position;
+    return light.color * (sum * range_window(light.range, dot(middle, middle)));
 }
 
 @compute @workgroup_size(64)
@@ -87,6 +92,8 @@ fn direct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         let light = lights[i];
         if light.kind == LIGHT_DIRECTIONAL {
             irradiance += directional(place, light);
+        } else if light.kind == LIGHT_RECT {
+            irradiance += from_rect(place, light);
         } else {
             irradiance += punctual(place, light);
         }

@@ -4,7 +4,7 @@ use std::f32::consts::PI;
 
 use bevy::math::Vec3;
 use bevy_bounce_cssm::{CssmFile, Texel};
-use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, LIGHT_SPOT, Light};
+use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, LIGHT_RECT, LIGHT_SPOT, Light};
 
 /// All texels.
 pub fn texels(file: &CssmFile) -> Vec<Texel> {
@@ -21,6 +21,10 @@ pub fn direct(file: &CssmFile, texel: &Texel, lights: &[Light]) -> Vec3 {
             if cosine > 0.0 && file.seen_from_outside(texel.position, light.direction.into()) {
                 sum += light.color * cosine;
             }
+            continue;
+        }
+        if light.kind == LIGHT_RECT {
+            sum += light.color * rect(file, texel, light);
             continue;
         }
         let way = light.position - position;
@@ -40,6 +44,23 @@ pub fn direct(file: &CssmFile, texel: &Texel, lights: &[Light]) -> Vec3 {
         }
     }
     sum
+}
+
+/// Irradiance over radiance by a rect light without an end: by four discs of its area.
+fn rect(file: &CssmFile, texel: &Texel, light: &Light) -> f32 {
+    let (position, normal) = (Vec3::from(texel.position), Vec3::from(texel.normal));
+    let up = light.side.cross(light.direction).normalize() * light.half_height;
+    let area = light.side.length() * light.half_height;
+    let parts = [(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)];
+    let of_part = |(x, y): (f32, f32)| {
+        let point = light.position + light.side * x + up * y;
+        let way = point - position;
+        let direction = way.normalize();
+        let cosines = normal.dot(direction).max(0.0) * (-direction.dot(light.direction)).max(0.0);
+        let visible = cosines > 0.0 && file.sees(texel, point.into());
+        if visible { cosines * area / (way.length_squared() + area / PI) } else { 0.0 }
+    };
+    parts.into_iter().map(of_part).sum()
 }
 
 /// A baked object that was moved and not turned: texels, each with a radiance.

@@ -7,7 +7,7 @@ use std::time::Duration;
 use bevy::camera::ScalingMode;
 use bevy::light::RectLight;
 use bevy::prelude::*;
-use bevy_bounce::{GiSettings, Quality};
+use bevy_bounce::{GiSettings, GlobalIllumination, Quality, Technique};
 use bevy_bounce_examples::scenes::{Builder, Walls};
 use bevy_bounce_tests::stage::Stage;
 
@@ -124,4 +124,13 @@ fn every_lamp_sends_all_of_its_light() {
 
     let panel = RectLight { intensity: lumens, range: 1e4, width: 0.8, height: 0.5, ..default() };
     try_lamp(&mut stage, "panel", panel, down, lumens);
+
+    // The light of voxels that a panel lights, which is what caches show.
+    let quality = Quality::Custom(Quality::Medium.settings());
+    stage.light_by(GlobalIllumination { technique: Technique::RadianceCache, quality });
+    stage.frame(Duration::ZERO);
+    stage.frame(Duration::ZERO);
+    let share = bounced(&mut stage) / expected(lumens);
+    println!("panel, by caches: {share:.3} of what bounces");
+    assert!((share - 1.0).abs() < 0.15, "by caches, {share} of what bounces");
 }

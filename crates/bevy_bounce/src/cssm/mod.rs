@@ -81,9 +81,9 @@ use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 use crate::recovery::{forget_components, forget_resource};
 
+pub use bevy_bounce_shaders::types::CSSM_OBJECTS as MOST_OBJECTS;
 pub(crate) use prepare::Baked;
 pub use settings::{CssmFilter, CssmSettings};
-pub use bevy_bounce_shaders::types::CSSM_OBJECTS as MOST_OBJECTS;
 pub use surfaces::surfaces;
 
 /// Baked visibility of a rigid object: of the mesh it is on and of those below it, in the space of this entity.
@@ -130,11 +130,7 @@ impl Plugin for CssmPlugin {
             .init_resource::<prepare::PreparedBakes>()
             .add_systems(
                 RenderStartup,
-                (
-                    pipelines::init_pipelines,
-                    forget_resource::<Baked>,
-                    forget_components::<prepare::CssmViewUniform>,
-                ),
+                (pipelines::init_pipelines, forget_resource::<Baked>, forget_components::<prepare::CssmViewUniform>),
             )
             .add_systems(ExtractSchedule, (object::extract_cameras, object::extract_objects).chain())
             .add_systems(Render, (prepare::prepare_light, prepare::prepare_views).in_set(GiSystems::Prepare))
