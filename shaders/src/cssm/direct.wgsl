@@ -4,7 +4,7 @@
 // Cost: one thread a texel; a query of visibility for each light that it faces, and one for each other object on the way.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::cssm::query::{is_hidden, is_seen_from_outside, sight}
+#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_seen_from_outside, sight}
 #import bevy_bounce::cssm::texels::{
     bakes, load_texel, object_of, to_object, to_world, turn_to_object, turn_to_world, Texel,
 }
@@ -67,7 +67,8 @@ fn punctual(place: Place, light: Light) -> vec3<f32> {
     if strength > 0.0 {
         strength *= sight(place.object, place.texel, to_object(place.object, light.position), settings.filtered != 0u);
     }
-    if strength <= 0.0 || is_hidden(place.position, light.position, place.object, place.object) {
+    let between = between_candidates(place.position, light.position, 0.0, place.object, place.object);
+    if strength <= 0.0 || is_hidden(place.position, light.position, between) {
         return vec3<f32>(0.0);
     }
     return light.color * strength;
