@@ -4,7 +4,7 @@
 // Cost: one thread a texel; a query of visibility for each light that it faces (four for a rect light), and one for each other object on the way.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::cssm::query::{is_hidden, is_seen_from_outside, sight}
+#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_seen_from_outside, sight}
 #import bevy_bounce::cssm::texels::{
     bakes, load_texel, object_of, to_object, to_world, turn_to_object, turn_to_world, Texel,
 }
@@ -48,7 +48,8 @@ fn directional(place: Place, light: Light) -> vec3<f32> {
 // How much of a point is seen.
 fn visible(place: Place, point: vec3<f32>) -> f32 {
     let own = sight(place.object, place.texel, to_object(place.object, point), settings.filtered != 0u);
-    return select(own, 0.0, own <= 0.0 || is_hidden(place.position, point, place.object, place.object));
+    let between = between_candidates(place.position, point, 0.0, place.object, place.object);
+    return select(own, 0.0, own <= 0.0 || is_hidden(place.position, point, between));
 }
 
 fn punctual(place: Place, light: Light) -> vec3<f32> {

@@ -16,8 +16,8 @@
 
 #define_import_path bevy_bounce::cssm::gather
 
-#import bevy_bounce::cssm::query::{is_hidden, sight, visibility}
-#import bevy_bounce::cssm::texels::{bakes, load_texel, to_object, to_world, turn_to_object, Texel}
+#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_in_open, sight, visibility, Objects}
+#import bevy_bounce::cssm::texels::{bakes, load_texel, scale_of, to_object, to_world, turn_to_object, Texel}
 #import bevy_bounce::cssm::tree::{unpack_node, node_count, Node}
 #import bevy_bounce::cssm::types::CssmGather
 #import bevy_bounce::shared::sampling::PI
@@ -58,6 +58,8 @@ struct Local {
     object: u32,
     position: vec3<f32>,
     normal: vec3<f32>,
+    /// What may stand between it and the object.
+    between: Objects,
 #ifdef GLOSSY
     lobe: Lobe,
 #endif
@@ -144,25 +146,20 @@ fn square_form_factor(way: vec3<f32>, normal: vec3<f32>, area: f32, receiver: ve
     return max(-dot(sum, receiver) / (2.0 * PI), 0.0);
 }
 
-// Share of a receiver, at `position` in the object's space, that a texel of an object sees.
-fn shared_view(object: u32, texel: Texel, receiver: Receiver, position: vec3<f32>) -> f32 {
+// Share of a receiver that a texel of an object sees.
+fn shared_view(texel: Texel, local: Local, receiver: Receiver) -> f32 {
     let filtered = settings.filtered != 0u;
-    if receiver.object == object {
-        let seen = visibility(object, texel, position, filtered);
-        if seen <= 0.0 || bakes.count == 1u || !is_hidden(to_world(object, texel.position), receiver.position, object, object) {
-            return seen;
+    var seen = visibility(local.object, texel, local.position, filtered);
+    if receiver.object != local.object {
+        if !is_in_open(local.object, texel, local.position) {
+            return 0.0;
         }
-        return 0.0;
+        if receiver.object != NONE {
+            let place = to_object(receiver.object, to_world(local.object, texel.position));
+            seen *= sight(receiver.object, receiver.texel, place, filtered);
+        }
     }
-    var seen = sight(object, texel, position, filtered);
-    if seen <= 0.0 {
-        return 0.0;
-    }
-    let place = to_world(object, texel.position);
-    if receiver.object != NONE {
-        seen *= sight(receiver.object, receiver.texel, to_object(receiver.object, place), filtered);
-    }
-    if seen > 0.0 && is_hidden(place, receiver.position, object, receiver.object) {
+    if seen > 0.0 && is_hidden(to_world(local.object, texel.position), receiver.position, local.between) {
         return 0.0;
     }
     return seen;
@@ -188,7 +185,7 @@ fn add_transfer(
     if form_factor <= 0.0 {
         return;
     }
-    let radiance = power.rgb * (shared_view(local.object, texel, receiver, local.position) / power.w);
+    let radiance = power.rgb * (shared_view(texel, local, receiver) / power.w);
     (*result).light += radiance * form_factor;
 #ifdef GLOSSY
     let distance = sqrt(square);
@@ -202,6 +199,9 @@ fn to_local(object: u32, receiver: Receiver) -> Local {
     local.object = object;
     local.position = to_object(object, receiver.position);
     local.normal = turn_to_object(object, receiver.normal);
+    let center = to_world(object, bakes.objects[object].csm_center);
+    let radius = scale_of(object) * bakes.objects[object].csm_radius;
+    local.between = between_candidates(receiver.position, center, radius, object, receiver.object);
 #ifdef GLOSSY
     let view = turn_to_object(object, receiver.view);
     local.lobe = make_lobe(local.normal, view, receiver.roughness, receiver.f_zero);

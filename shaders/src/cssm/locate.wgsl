@@ -6,7 +6,7 @@
 #define_import_path bevy_bounce::cssm::locate
 
 #import bevy_bounce::cssm::gather::{leaf_texel, tree}
-#import bevy_bounce::cssm::texels::{bakes, load_texel, to_object, turn_to_object}
+#import bevy_bounce::cssm::texels::{bakes, load_texel, scale_of, to_object, turn_to_object}
 #import bevy_bounce::cssm::tree::{node_count, unpack_node}
 #import bevy_bounce::shared::scene::NONE
 
@@ -33,7 +33,7 @@ fn locate(position: vec3<f32>, normal: vec3<f32>) -> Located {
         }
         let facing = turn_to_object(object, normal);
         // Distances are compared in the world.
-        let scale = length((*bake).world_from_object_x.xyz);
+        let scale = scale_of(object);
         var limit = min(nearest, STRETCH * (*bake).reach * scale);
         let end = node_count(object);
         var index = 0u;

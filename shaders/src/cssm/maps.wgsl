@@ -3,8 +3,9 @@
 // The directory is that of a file's cube maps and, behind it, that of its maps from outside, then those of the next file; the
 // blocks likewise, in pages of `2^page_bits` words, so that each page is a binding that every device allows.
 //
-// Cost: one read where a block has one code; otherwise also its head, the entry of the row, the ends of its runs or a bit
-// of each plane, an index and the code: three to ten.
+// Cost: one read where a block has one code; otherwise also its head, the entry of the row, ends of its runs or a bit
+// of each plane, an index and the code: three to ten. There is no loop here, nor more than one in a query: Mesa's software rasteriser
+// leaves the loops of a thread after 65,535 rounds of all of them together, and a hierarchy's nodes shall be most of those.
 
 #define_import_path bevy_bounce::cssm::maps
 
@@ -73,31 +74,41 @@ fn read_bits(first: u32, bit: u32, count: u32) -> u32 {
     return value & ((1u << count) - 1u);
 }
 
-// Number of runs that end before `lane`, of `runs` whose last lanes begin at `bit`.
-fn runs_passed(first: u32, bit: u32, runs: u32, lane: u32) -> u32 {
-    var passed = 0u;
-    var word = first + (bit >> 5u);
-    var shift = bit & 31u;
-    var value = block_word(word);
-    for (var run = 0u; run < runs; run++) {
-        var end = value >> shift;
-        shift += LANE_BITS;
-        if shift > 32u || (shift == 32u && run + 1u < runs) {
-            word++;
-            value = block_word(word);
-            shift -= 32u;
-            end |= value << (LANE_BITS - shift);
-        }
-        passed += select(0u, 1u, (end & 63u) < lane);
-    }
-    return min(passed, runs - 1u);
+// Whether a run, of those whose last lanes begin at `bit`, ends before `lane`.
+fn ends_before(first: u32, bit: u32, run: u32, lane: u32) -> bool {
+    return read_bits(first, bit + LANE_BITS * run, LANE_BITS) < lane;
 }
 
-// The slot of a record at `lane`, by bit planes that begin at `bit`.
+// The run of 4, 8 or 16 that has `lane`, by halves.
+fn find_run(first: u32, bit: u32, runs: u32, lane: u32) -> u32 {
+    var run = 0u;
+    if runs == 16u && ends_before(first, bit, 7u, lane) {
+        run = 8u;
+    }
+    if runs >= 8u && ends_before(first, bit, run + 3u, lane) {
+        run += 4u;
+    }
+    if ends_before(first, bit, run + 1u, lane) {
+        run += 2u;
+    }
+    if ends_before(first, bit, run, lane) {
+        run += 1u;
+    }
+    return run;
+}
+
+fn plane_bit(first: u32, bit: u32, plane: u32, lane: u32) -> u32 {
+    return read_bits(first, bit + LANES * plane + lane, 1u) << plane;
+}
+
+// The slot of a record at `lane`, by 1, 3 or 6 bit planes that begin at `bit`.
 fn plane_slot(first: u32, bit: u32, planes: u32, lane: u32) -> u32 {
-    var slot = 0u;
-    for (var plane = 0u; plane < planes; plane++) {
-        slot |= read_bits(first, bit + LANES * plane + lane, 1u) << plane;
+    var slot = plane_bit(first, bit, 0u, lane);
+    if planes >= 3u {
+        slot |= plane_bit(first, bit, 1u, lane) | plane_bit(first, bit, 2u, lane);
+    }
+    if planes == 6u {
+        slot |= plane_bit(first, bit, 3u, lane) | plane_bit(first, bit, 4u, lane) | plane_bit(first, bit, 5u, lane);
     }
     return slot;
 }
@@ -144,7 +155,7 @@ fn record_index(first: u32, records_at: u32, counts: Counts, number: u32, index_
     let slots = select(runs, 1u << planes, runs == 0u);
     var slot: u32;
     if runs > 0u {
-        slot = runs_passed(first, at + slots * index_bits, runs, lane);
+        slot = find_run(first, at + slots * index_bits, runs, lane);
     } else {
         slot = plane_slot(first, at + slots * index_bits, planes, lane);
     }

@@ -10,7 +10,7 @@
 #define_import_path bevy_bounce::cssm::query
 
 #import bevy_bounce::cssm::maps::{map_code, LANES, ROWS}
-#import bevy_bounce::cssm::texels::{bakes, root, to_object, Texel}
+#import bevy_bounce::cssm::texels::{bakes, root, scale_of, to_object, to_world, Texel}
 
 /// Side of a square of pixels.
 const SQUARE: u32 = 8u;
@@ -86,19 +86,9 @@ fn is_lit(object: u32, texel: Texel, face: u32, pixel: vec2<u32>, depth: f32) ->
     return code == UNBOUNDED || depth <= f32(code) * bakes.objects[object].quantum;
 }
 
-/// Whether nothing of the object stands between a texel and a point of the object, by one pixel.
-fn is_visible(object: u32, texel: Texel, point: vec3<f32>) -> bool {
-    let offset = point - cube_center(object, texel);
-    if sum_of_products(offset, texel.normal) <= 0.0 {
-        return false;
-    }
-    let side = bakes.objects[object].depth;
-    let place = face_point(offset, side);
-    return is_lit(object, texel, place.face, pixel_of(place.at, side), place.depth);
-}
-
-/// Share of a point that is visible: percentage-closer filtering of the four pixels round it. Reeves et al. 1987.
-fn filtered_visibility(object: u32, texel: Texel, point: vec3<f32>) -> f32 {
+/// Share of a point of the object that a texel sees: by one pixel, or, filtered, by the four pixels round it. Percentage-closer
+/// filtering: Reeves et al. 1987.
+fn visibility(object: u32, texel: Texel, point: vec3<f32>, filtered: bool) -> f32 {
     let offset = point - cube_center(object, texel);
     if sum_of_products(offset, texel.normal) <= 0.0 {
         return 0.0;
@@ -108,31 +98,27 @@ fn filtered_visibility(object: u32, texel: Texel, point: vec3<f32>) -> f32 {
     let low = floor(place.at - 0.5);
     let part = place.at - 0.5 - low;
     var seen = 0.0;
-    for (var corner = 0u; corner < 4u; corner++) {
-        let right = vec2<f32>(f32(corner & 1u), f32(corner >> 1u));
-        let weights = select(1.0 - part, part, right > vec2<f32>(0.5));
-        // A neighbour past the face's edge is found on the next face; rays to the texel's back have no depth of their own.
-        let direction = face_direction(place.face, low + right + 0.5, side);
+    for (var corner = 0u; corner < select(1u, 4u, filtered); corner++) {
         var face = place.face;
         var at = place.at;
         var depth = place.depth;
-        if sum_of_products(direction, texel.normal) > 0.0 {
-            let there = face_point(direction, side);
-            face = there.face;
-            at = there.at;
-            depth = abs(offset[there.face / 2u]);
+        var weight = 1.0;
+        if filtered {
+            let right = vec2<f32>(f32(corner & 1u), f32(corner >> 1u));
+            let weights = select(1.0 - part, part, right > vec2<f32>(0.5));
+            weight = weights.x * weights.y;
+            // A neighbour past the face's edge is found on the next face; rays to the texel's back have no depth of their own.
+            let direction = face_direction(place.face, low + right + 0.5, side);
+            if sum_of_products(direction, texel.normal) > 0.0 {
+                let there = face_point(direction, side);
+                face = there.face;
+                at = there.at;
+                depth = abs(offset[there.face / 2u]);
+            }
         }
-        seen += select(0.0, weights.x * weights.y, is_lit(object, texel, face, pixel_of(at, side), depth));
+        seen += select(0.0, weight, is_lit(object, texel, face, pixel_of(at, side), depth));
     }
     return seen;
-}
-
-/// Share of a point of the object that a texel sees, filtered or not.
-fn visibility(object: u32, texel: Texel, point: vec3<f32>, filtered: bool) -> f32 {
-    if filtered {
-        return filtered_visibility(object, texel, point);
-    }
-    return select(0.0, 1.0, is_visible(object, texel, point));
 }
 
 fn octahedral_square(direction: vec3<f32>) -> vec2<f32> {
@@ -228,15 +214,15 @@ fn is_outside(object: u32, point: vec3<f32>) -> bool {
     return any(point < (*bake).bounds_min - (*bake).lift) || any(point > (*bake).bounds_max + (*bake).lift);
 }
 
-/// Share of any point that its own object lets a texel see. Where a ray leaves an object through its only surface the cube map
-/// leaves open where that is: outside the box the maps from outside are asked as well.
+/// Whether a point that is not on the object is within its box or seen by the maps from outside. Where a ray leaves an object through its only
+/// surface the cube map leaves open where that is.
+fn is_in_open(object: u32, texel: Texel, point: vec3<f32>) -> bool {
+    return !is_outside(object, point) || is_seen_from_outside(object, texel.position, texel.position - point);
+}
+
+/// Share of any point that its own object lets a texel see.
 fn sight(object: u32, texel: Texel, point: vec3<f32>, filtered: bool) -> f32 {
-    let seen = visibility(object, texel, point, filtered);
-    if seen > 0.0 && is_outside(object, point)
-        && !is_seen_from_outside(object, texel.position, texel.position - point) {
-        return 0.0;
-    }
-    return seen;
+    return select(0.0, visibility(object, texel, point, filtered), is_in_open(object, texel, point));
 }
 
 /// Whether an object that neither of two places of the world is on stands between them. It is asked from outside its box; what
@@ -250,10 +236,42 @@ fn is_between(object: u32, a: vec3<f32>, b: vec3<f32>) -> bool {
     return is_outside(object, end) && is_blocking(object, end, start);
 }
 
-/// Whether any but two objects stand between two places of the world.
-fn is_hidden(a: vec3<f32>, b: vec3<f32>, object_a: u32, object_b: u32) -> bool {
+/// Objects as bits.
+struct Objects {
+    words: array<u32, 2>,
+}
+
+/// The objects that may stand between a place of the world and what is within a sphere: those whose own spheres come as near to the way
+/// to its middle as its radius. Two are left out.
+fn between_candidates(place: vec3<f32>, center: vec3<f32>, radius: f32, object_a: u32, object_b: u32) -> Objects {
+    var candidates: Objects;
+    let way = center - place;
+    let square = max(dot(way, way), 1e-20);
     for (var object = 0u; object < bakes.count; object++) {
-        if object != object_a && object != object_b && is_between(object, a, b) {
+        let middle = to_world(object, bakes.objects[object].csm_center);
+        let along = clamp(dot(middle - place, way) / square, 0.0, 1.0);
+        let reach = radius + scale_of(object) * bakes.objects[object].csm_radius;
+        let is_near = distance(middle, place + along * way) < reach;
+        if is_near && object != object_a && object != object_b {
+            candidates.words[object / 32u] |= 1u << (object % 32u);
+        }
+    }
+    return candidates;
+}
+
+/// Whether one of those objects stands between two places of the world.
+fn is_hidden(a: vec3<f32>, b: vec3<f32>, candidates: Objects) -> bool {
+    var low = candidates.words[0];
+    var high = candidates.words[1];
+    while (low | high) != 0u {
+        var object = firstTrailingBit(low);
+        if low == 0u {
+            object = 32u + firstTrailingBit(high);
+            high &= high - 1u;
+        } else {
+            low &= low - 1u;
+        }
+        if is_between(object, a, b) {
             return true;
         }
     }

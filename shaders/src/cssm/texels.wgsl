@@ -76,6 +76,11 @@ fn from_object(object: u32, p: vec4<f32>) -> vec3<f32> {
     return transform((*bake).world_from_object_x, (*bake).world_from_object_y, (*bake).world_from_object_z, p);
 }
 
+/// World units of a unit of an object's space.
+fn scale_of(object: u32) -> f32 {
+    return length(bakes.objects[object].world_from_object_x.xyz);
+}
+
 /// A point of the world in an object's space.
 fn to_object(object: u32, point: vec3<f32>) -> vec3<f32> {
     return from_world(object, vec4<f32>(point, 1.0));

@@ -55,6 +55,9 @@
 //! first: the cube maps know where surfaces are, not what stands between them. A node of the cut is as visible as one of its texels:
 //! where bright ones are together with dark ones that are hidden, some light is lost, less with a smaller error.
 //!
+//! Mesa's software rasteriser ends the loops of a thread after 65,535 rounds, four of which are a node's: beyond some 16,000 nodes that a
+//! single receiver visits it leaves light out. Errors of a fraction of a step over large atlases come to that.
+//!
 //! Glossy light is that of the lit texels, as sharp as those are fine: what is metal or polished sends on its diffuse colour alone, and
 //! a mirrored metal is dark.
 

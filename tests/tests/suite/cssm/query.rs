@@ -1,10 +1,11 @@
 //! The query of baked visibility: the GPU's answer is the CPU's.
 
-use bevy::math::{Affine3A, Vec3};
+use bevy::math::{Affine3A, Quat, Vec3};
 use bevy_bounce::cssm::tree::Tree;
 use bevy_bounce::cssm::words::{PAGE_BITS, PAGES, Words};
 use bevy_bounce_cssm::{CssmFile, Filter};
-use bevy_bounce_tests::baked::{cornell_box, resources, smallest_page_bits};
+use bevy_bounce_shaders::types::NONE;
+use bevy_bounce_tests::baked::{cornell_box, resources, small_block, smallest_page_bits};
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
 
@@ -14,7 +15,7 @@ const BATCH: usize = 1 << 18;
 
 const QUERY: &str = "
 #import bevy_bounce::cssm::maps::reads
-#import bevy_bounce::cssm::query::{is_visible, filtered_visibility, is_seen_from_outside, is_between, sight}
+#import bevy_bounce::cssm::query::{is_between, is_seen_from_outside, sight, visibility}
 #import bevy_bounce::cssm::texels::{bakes, load_texel}
 
 // Texel, then the point.
@@ -30,10 +31,10 @@ fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
     let texel = load_texel(0u, pair.x);
     let point = bitcast<vec3<f32>>(pair.yzw);
     reads = 0u;
-    let seen = is_visible(0u, texel, point);
+    let seen = visibility(0u, texel, point, false) > 0.0;
     // The slot in the texel's record counts, too.
     let count = reads + 1u;
-    let filtered = filtered_visibility(0u, texel, point);
+    let filtered = visibility(0u, texel, point, true);
     let outside = is_seen_from_outside(0u, texel.position, texel.position - point);
     let far = texel.position + (texel.position - bakes.objects[0].csm_center);
     let between = is_between(0u, point, far);
@@ -171,4 +172,50 @@ fn what_does_not_fit_is_named() {
     assert_eq!(words.bake(file, &tree).map_err(|error| error.section), Err("blocks"));
     assert_eq!(words.object(bake, Affine3A::IDENTITY), Ok(()));
     assert_eq!((words.table.count, words.table.lights), (1, file.meta.texels));
+}
+
+const LOCATE: &str = "
+#import bevy_bounce::cssm::locate::locate
+#import bevy_bounce::cssm::texels::{bakes, load_texel, object_of, to_world, turn_to_world}
+
+@group(2) @binding(0) var<storage, read_write> answers: array<vec4<u32>>;
+
+// At a texel, and as far above it as an eighth of the object's box is long.
+@compute @workgroup_size(64)
+fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= bakes.lights {
+        return;
+    }
+    let object = object_of(id.x);
+    let texel = load_texel(object, id.x - bakes.objects[object].first_light);
+    let place = to_world(object, texel.position);
+    let normal = turn_to_world(object, texel.normal);
+    let on = locate(place, normal);
+    let size = distance(bakes.objects[object].bounds_min, bakes.objects[object].bounds_max);
+    let above = locate(place + normal * (0.125 * size), normal);
+    answers[id.x] = vec4<u32>(on.object, on.texel, above.object, above.texel);
+}
+";
+
+/// A room and a block in it: each place finds its own texel, and the air finds none.
+#[test]
+fn places_find_their_texels() {
+    let (room, block) = (cornell_box(), small_block());
+    let at = Affine3A::from_rotation_translation(Quat::from_rotation_y(0.4), Vec3::new(0.9, 2.5, 0.3));
+    let kernel = gpu()
+        .cached("cssm locate", || gpu().kernel(&compose_source(LOCATE, "locate.wgsl", &[])?, "ask"))
+        .unwrap_or_else(|error| panic!("{error}"));
+    let lights = (room.meta.texels + block.meta.texels) as usize;
+    let resources = resources(gpu(), &[(room, Affine3A::IDENTITY), (block, at)], PAGE_BITS).zeroed("answers", 4 * lights);
+    gpu().dispatch(&kernel, &resources, [lights.div_ceil(64) as u32, 1, 1]).expect("runs");
+    let answers = resources.read_words("answers").expect("reads back");
+    let (mut wrong, mut in_the_air) = (0, 0);
+    for (light, [object, texel, above, _]) in (0..).zip(answers.as_chunks::<4>().0) {
+        let own = if light < room.meta.texels { [0, light] } else { [1, light - room.meta.texels] };
+        wrong += usize::from([*object, *texel] != own);
+        in_the_air += usize::from(*above == NONE);
+    }
+    println!("of {lights} texels {wrong} find others; {in_the_air} are found in the air");
+    assert!(wrong == 0, "{wrong} of {lights} texels find others");
+    assert!(in_the_air * 10 > lights * 9, "{in_the_air} of {lights} are in the air");
 }
