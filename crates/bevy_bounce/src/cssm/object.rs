@@ -146,7 +146,8 @@ pub(super) fn extract_objects(
     let assets: Vec<_> = loaded.iter().map(|object| object.asset).collect();
     let held = baked.as_deref().filter(|baked| baked.assets == assets && !is_stale);
     let fresh = held.is_none().then(|| {
-        let (baked, too_large) = Baked::new(&device, loaded.iter().map(|object| (object.asset, object.file)), &prepared);
+        let (baked, too_large) =
+            Baked::new(&device, loaded.iter().map(|object| (object.asset, object.file)), &prepared);
         for (asset, error) in too_large {
             if extracted.warned.size.insert(asset) {
                 warn!(
@@ -169,7 +170,9 @@ pub(super) fn extract_objects(
         .collect();
     for pair in extracted.overlaps.new_pairs(&hulls) {
         let [a, b] = pair.map(|entity| objects.name(entity));
-        warn!("the hulls of the baked objects {a} and {b} overlap: what one hides within the other from third ones is not known");
+        warn!(
+            "the hulls of the baked objects {a} and {b} overlap: what one hides within the other from third ones is not known"
+        );
     }
     if let Some(fresh) = fresh {
         commands.insert_resource(fresh);
