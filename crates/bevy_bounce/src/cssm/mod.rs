@@ -60,8 +60,8 @@
 //! Mesa's software rasteriser ends the loops of a thread after 65,535 rounds, two to four of which are a node's: beyond some 16,000
 //! nodes that a single receiver visits it leaves light out. Errors of a fraction of a step over large atlases come to that.
 //!
-//! Glossy light is that of the lit texels, as sharp as those are fine: what is metal or polished sends on its diffuse colour alone, and
-//! a mirrored metal is dark.
+//! Glossy light is that of the lit texels, as sharp as those are fine: what is metal or polished sends on its diffuse colour alone:
+//! metal lights nothing, rooms with much of it are too dark, and mirrored metal is dark.
 
 mod display;
 mod hull;
