@@ -3,8 +3,8 @@
 // 2005).
 //
 // A node is refined where the light that could come from it, if all of it stood and faced as favourably as its sphere and its
-// cone allow, is more than the threshold; for a glossy receiver, with what it mirrors. A node that is not refined sends its light from one of its texels, another one for
-// each receiver.
+// cone allow, is more than the threshold; for a glossy receiver, with what it mirrors. A node that is not refined sends its light
+// from one of its texels, another one for each receiver.
 //
 // What hides a sender is asked of the cube map of the sender, then of that of the receiver if it is on another object, then of the
 // maps from outside of all others. Section 3.3.
