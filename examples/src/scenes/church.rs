@@ -19,7 +19,9 @@ pub struct ChurchPlugin;
 
 impl Plugin for ChurchPlugin {
     fn build(&self, app: &mut App) {
-        app.init_resource::<Failed>().add_systems(Startup, spawn);
+        app.init_resource::<Failed>()
+            .insert_resource(ClearColor(Color::srgb(0.55, 0.72, 0.95)))
+            .add_systems(Startup, spawn);
     }
 }
 
@@ -164,7 +166,7 @@ fn try_spawn(build: &mut Builder, bakes: Option<ResMut<Assets<CssmAsset>>>) -> R
     build.commands.spawn((
         Camera3d::default(),
         GlobalIllumination::default(),
-        Exposure { ev100: 10.0 },
+        Exposure { ev100: 10.8 },
         Projection::Perspective(PerspectiveProjection { fov: 1.0, ..default() }),
         Transform::from_xyz(0.6, 2.2, 9.6).looking_at(Vec3::new(-0.2, 3.1, -6.0), Vec3::Y),
     ));

@@ -23,8 +23,10 @@ fn bounce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     var receiver: Receiver;
     receiver.position = to_world(object, texel.position);
     receiver.normal = turn_to_world(object, texel.normal);
+#ifdef SEVERAL
     receiver.object = object;
     receiver.texel = texel;
+#endif
     let result = gather(receiver, hash(first + index));
     gathered[first + index] = vec4<f32>(result.light, f32(result.cut));
 }

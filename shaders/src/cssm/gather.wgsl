@@ -3,11 +3,13 @@
 // 2005).
 //
 // A node is refined where the light that could come from it, if all of it stood and faced as favourably as its sphere and its
-// cone allow, is more than the threshold; for a glossy receiver, with what it mirrors. A node that is not refined sends its light from one of its texels, another one for
-// each receiver.
+// cone allow, is more than the threshold; for a glossy receiver, with what it mirrors. A node that is not refined sends its light
+// from one of its texels, another one for each receiver.
 //
 // What hides a sender is asked of the cube map of the sender, then of that of the receiver if it is on another object, then of the
 // maps from outside of all others. Section 3.3.
+//
+// With `SEVERAL` there are several objects; without it the queries that only those need are left out.
 //
 // Each hierarchy is walked in its own object's space: radiance, and area over distance squared, are the same in any.
 //
@@ -16,12 +18,15 @@
 
 #define_import_path bevy_bounce::cssm::gather
 
-#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_in_open, sight, visibility, Objects}
+#import bevy_bounce::cssm::query::visibility
 #import bevy_bounce::cssm::texels::{bakes, load_texel, scale_of, to_object, to_world, turn_to_object, Texel}
 #import bevy_bounce::cssm::tree::{unpack_node, node_count, Node}
 #import bevy_bounce::cssm::types::CssmGather
 #import bevy_bounce::shared::sampling::PI
+#ifdef SEVERAL
+#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_in_open, sight, Objects}
 #import bevy_bounce::shared::scene::NONE
+#endif
 #ifdef GLOSSY
 #import bevy_bounce::cssm::lobe::{largest_weight, lobe_weight, make_lobe, Lobe}
 #endif
@@ -39,10 +44,12 @@ const NEAR: f32 = 16.0;
 struct Receiver {
     position: vec3<f32>,
     normal: vec3<f32>,
+#ifdef SEVERAL
     /// The baked object that it is on, or `NONE`.
     object: u32,
     /// The texel that it is on.
     texel: Texel,
+#endif
 #ifdef GLOSSY
     /// Towards the eye.
     view: vec3<f32>,
@@ -58,8 +65,10 @@ struct Local {
     object: u32,
     position: vec3<f32>,
     normal: vec3<f32>,
+#ifdef SEVERAL
     /// What may stand between it and the object.
     between: Objects,
+#endif
 #ifdef GLOSSY
     lobe: Lobe,
 #endif
@@ -146,6 +155,7 @@ fn square_form_factor(way: vec3<f32>, normal: vec3<f32>, area: f32, receiver: ve
     return max(-dot(sum, receiver) / (2.0 * PI), 0.0);
 }
 
+#ifdef SEVERAL
 // Share of a receiver that a texel of an object sees.
 fn shared_view(texel: Texel, local: Local, receiver: Receiver) -> f32 {
     let filtered = settings.filtered != 0u;
@@ -164,6 +174,12 @@ fn shared_view(texel: Texel, local: Local, receiver: Receiver) -> f32 {
     }
     return seen;
 }
+#else
+// Share of a receiver that a texel of the only object sees.
+fn shared_view(texel: Texel, local: Local, receiver: Receiver) -> f32 {
+    return visibility(local.object, texel, local.position, settings.filtered != 0u);
+}
+#endif
 
 // Adds light from one texel in the name of a node, whose power that is.
 fn add_transfer(
@@ -199,9 +215,11 @@ fn to_local(object: u32, receiver: Receiver) -> Local {
     local.object = object;
     local.position = to_object(object, receiver.position);
     local.normal = turn_to_object(object, receiver.normal);
+#ifdef SEVERAL
     let center = to_world(object, bakes.objects[object].csm_center);
     let radius = scale_of(object) * bakes.objects[object].csm_radius;
     local.between = between_candidates(receiver.position, center, radius, object, receiver.object);
+#endif
 #ifdef GLOSSY
     let view = turn_to_object(object, receiver.view);
     local.lobe = make_lobe(local.normal, view, receiver.roughness, receiver.f_zero);

@@ -11,7 +11,7 @@
 #import bevy_bounce::shared::scene::NONE
 
 /// How far a texel's surface may reach, as a multiple of what a square of the largest texel's area does.
-const STRETCH: f32 = 2.0;
+const STRETCH: f32 = 3.0;
 /// How much the distance from a texel's plane counts, as a multiple of that along it: the plane of a place's own texel is near.
 const OFF_PLANE: f32 = 4.0;
 
@@ -50,8 +50,10 @@ fn locate(position: vec3<f32>, normal: vec3<f32>) -> Located {
                 let texel = load_texel(object, leaf);
                 let offset = point - texel.position;
                 let off_plane = OFF_PLANE * dot(offset, texel.normal);
-                let apart = scale * sqrt(dot(offset, offset) + off_plane * off_plane);
-                if apart < limit && dot(facing, texel.normal) > 0.0 {
+                // Along an edge both faces are near: the one counts that faces as the place does.
+                let alike = max(dot(facing, texel.normal), 1e-3);
+                let apart = scale * sqrt(dot(offset, offset) + off_plane * off_plane) / alike;
+                if apart < limit {
                     limit = apart;
                     nearest = apart;
                     found = Located(object, leaf);

@@ -1,7 +1,7 @@
 // Bounced light at each pixel from the texels of baked objects: the final gather. Ritschel, Grosch, Kautz and Seidel 2008, 4.4.
 //
-// The pixel's own position and normal receive, so that normal maps count. The texel that it is on is looked up in the hierarchies:
-// its cube map knows what of its own object hides the others.
+// The pixel's own position and normal receive, so that normal maps count. Of several objects, the texel that it is on is looked
+// up in the hierarchies: its cube map knows what of its own object hides the others.
 //
 // Glossy light is radiance convolved with the pixel's lobe; what of it the surface reflects is for the picture to say.
 //
@@ -9,10 +9,12 @@
 
 #import bevy_render::view::View
 #import bevy_bounce::cssm::gather::{gather, hash, Gathered, Receiver}
+#import bevy_bounce::interleaved::surface::unpack_surface
+#ifdef SEVERAL
 #import bevy_bounce::cssm::locate::locate
 #import bevy_bounce::cssm::texels::load_texel
-#import bevy_bounce::interleaved::surface::unpack_surface
 #import bevy_bounce::shared::scene::NONE
+#endif
 
 @group(0) @binding(5) var<uniform> view: View;
 @group(0) @binding(6) var surface_texture: texture_2d<u32>;
@@ -50,14 +52,16 @@ fn pixels(@builtin(global_invocation_id) id: vec3<u32>) {
     let surface = unpack_surface(textureLoad(surface_texture, id.xy, 0).xy, id.xy, size, view);
     var gathered = Gathered();
     if surface.valid {
-        let found = locate(surface.position, surface.normal);
         var receiver: Receiver;
         receiver.position = surface.position;
         receiver.normal = surface.normal;
+#ifdef SEVERAL
+        let found = locate(surface.position, surface.normal);
         receiver.object = found.object;
         if found.object != NONE {
             receiver.texel = load_texel(found.object, found.texel);
         }
+#endif
 #ifdef GLOSSY
         receiver.view = view_direction(surface.position);
         read_material(&receiver, textureLoad(deferred_texture, id.xy + vec2<u32>(view.main_pass_viewport.xy), 0));

@@ -214,8 +214,8 @@ fn is_outside(object: u32, point: vec3<f32>) -> bool {
     return any(point < (*bake).bounds_min - (*bake).lift) || any(point > (*bake).bounds_max + (*bake).lift);
 }
 
-/// Whether a point that is not on the object is within its box or seen by the maps from outside. Where a ray leaves an object through its only
-/// surface the cube map leaves open where that is.
+/// Whether a point that is not on the object is within its box or seen by the maps from outside. Where a ray leaves an object
+/// through its only surface the cube map leaves open where that is.
 fn is_in_open(object: u32, texel: Texel, point: vec3<f32>) -> bool {
     return !is_outside(object, point) || is_seen_from_outside(object, texel.position, texel.position - point);
 }

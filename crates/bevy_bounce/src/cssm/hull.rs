@@ -10,8 +10,10 @@ use bevy_bounce_cssm::{CssmFile, octahedral};
 
 /// Directions a side of the octahedral grid in which a hull has its outermost points.
 const DIRECTIONS: usize = 12;
-/// Hulls that are less deep in each other than this share of the smaller one only touch.
+/// Hulls that are less deep in each other than this share of one only touch.
 const DEPTH: f32 = 0.02;
+/// Hulls that are as near as this share of their sizes have a point in common.
+const NEAR: f32 = 1.0e-3;
 /// Steps towards the nearest points. Hulls for which these do not suffice only touch, too.
 const STEPS: usize = 256;
 
@@ -43,6 +45,12 @@ fn outermost(points: &[Vec3], direction: Vec3) -> Option<Vec3> {
     points.iter().copied().max_by(|a, b| a.dot(direction).total_cmp(&b.dot(direction)))
 }
 
+/// Points a little nearer to their middle: what touches does not overlap.
+fn shrunk(points: &[Vec3]) -> Vec<Vec3> {
+    let middle = points.iter().sum::<Vec3>() / points.len().max(1) as f32;
+    points.iter().map(|point| point.lerp(middle, DEPTH)).collect()
+}
+
 /// Extent of points along the diagonal of their box.
 fn size(points: &[Vec3]) -> f32 {
     let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
@@ -53,8 +61,9 @@ fn size(points: &[Vec3]) -> f32 {
 /// Whether the hulls of two sets of points have a point in common. Gilbert 1966: the way between the hulls is shortened towards
 /// the outermost points against it, until it is none or a plane across it has the hulls on both sides.
 fn overlap(a: &[Vec3], b: &[Vec3]) -> bool {
+    let a = &shrunk(a);
     let (Some(first_a), Some(first_b)) = (a.first(), b.first()) else { return false };
-    let least = DEPTH * size(a).min(size(b));
+    let least = NEAR * size(a).min(size(b));
     let mut way = first_a - first_b;
     for _ in 0..STEPS {
         if way.length() < least {

@@ -26,6 +26,8 @@
 //! | that of the receiver, if it is another one | likewise, by the cube map of the texel that the receiver is on | the same |
 //! | every other one | its maps from outside, from that end which is outside its box | if one end is; otherwise it hides nothing |
 //!
+//! With one object alone its cube maps are all that is asked for bounces.
+//!
 //! The paper asks that hulls stay apart. Here an object may stand in another one, as a head in a room; what that room hides of it from
 //! lamps and objects that are also in the room is then not known. Overlapping hulls are told once, with the names of the pair.
 //!
@@ -55,11 +57,11 @@
 //! first: the cube maps know where surfaces are, not what stands between them. A node of the cut is as visible as one of its texels:
 //! where bright ones are together with dark ones that are hidden, some light is lost, less with a smaller error.
 //!
-//! Mesa's software rasteriser ends the loops of a thread after 65,535 rounds, four of which are a node's: beyond some 16,000 nodes that a
-//! single receiver visits it leaves light out. Errors of a fraction of a step over large atlases come to that.
+//! Mesa's software rasteriser ends the loops of a thread after 65,535 rounds, two to four of which are a node's: beyond some 16,000
+//! nodes that a single receiver visits it leaves light out. Errors of a fraction of a step over large atlases come to that.
 //!
-//! Glossy light is that of the lit texels, as sharp as those are fine: what is metal or polished sends on its diffuse colour alone, and
-//! a mirrored metal is dark.
+//! Glossy light is that of the lit texels, as sharp as those are fine: what is metal or polished sends on its diffuse colour alone:
+//! metal lights nothing, rooms with much of it are too dark, and mirrored metal is dark.
 
 mod display;
 mod hull;

@@ -81,7 +81,7 @@ impl Groups {
             emit: p.emit.bind(device, cache, &emit),
             direct: p.direct.bind(device, cache, &direct),
             hierarchy: baked.levels.iter().map(hierarchy).collect(),
-            bounce: p.bounce.bind(device, cache, &bounce),
+            bounce: p.gather(baked.count()).bounce.bind(device, cache, &bounce),
             maps: bind_maps(baked, device, cache),
         })
     }
@@ -111,7 +111,8 @@ pub(super) fn light_texels(
         return;
     }
     let Some(wanted) = baked.wanted.clone() else { return };
-    let Some(groups) = Groups::new(&p, baked, &scene, ctx.render_device(), &cache).filter(|_| p.are_ready(&cache))
+    let Some(groups) =
+        Groups::new(&p, baked, &scene, ctx.render_device(), &cache).filter(|_| p.are_ready(baked.count(), &cache))
     else {
         return;
     };
@@ -126,7 +127,7 @@ pub(super) fn light_texels(
     pull(&p, &groups, baked, encoder, &cache);
     // The pixels' own gather is the last bounce.
     for _ in 1..wanted.bounces {
-        p.bounce.dispatch(encoder, &cache, &[&groups.bounce, &groups.maps], size);
+        p.gather(baked.count()).bounce.dispatch(encoder, &cache, &[&groups.bounce, &groups.maps], size);
         pull(&p, &groups, baked, encoder, &cache);
     }
     span.end(encoder);
@@ -165,10 +166,11 @@ pub(super) fn light_pixels(
         BindingResource::TextureView(&textures.surface),
         BindingResource::TextureView(&textures.indirect),
     ];
-    let mut kernel = &p.pixels;
+    let kernels = p.gather(baked.count());
+    let mut kernel = &kernels.pixels;
     if let (Some(glossy), Some(deferred)) = (&textures.glossy, prepass.deferred_view()) {
         bindings.extend([BindingResource::TextureView(deferred), BindingResource::TextureView(glossy)]);
-        kernel = &p.glossy_pixels;
+        kernel = &kernels.glossy_pixels;
     }
     let group = kernel.bind(ctx.render_device(), &cache, &bindings);
     let maps = bind_maps(&baked, ctx.render_device(), &cache);

@@ -8,6 +8,7 @@ use bevy::render::render_resource::{
     BindGroup, BindGroupLayoutDescriptor, PipelineCache, StorageTextureAccess, TextureFormat, TextureSampleType,
 };
 use bevy::render::renderer::RenderDevice;
+use bevy::shader::ShaderDefVal;
 
 use super::prepare::Baked;
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout, whole};
@@ -19,6 +20,12 @@ pub(super) struct CssmPipelines {
     pub direct: Kernel,
     pub leaves: Kernel,
     pub pull: Kernel,
+    one: GatherKernels,
+    several: GatherKernels,
+}
+
+/// Kernels that gather, for one object or for several.
+pub(super) struct GatherKernels {
     pub bounce: Kernel,
     pub pixels: Kernel,
     /// With glossy light.
@@ -26,9 +33,15 @@ pub(super) struct CssmPipelines {
 }
 
 impl CssmPipelines {
-    /// Whether all that lights texels are compiled.
-    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
-        [&self.emit, &self.direct, &self.leaves, &self.pull, &self.bounce].iter().all(|kernel| kernel.is_ready(cache))
+    /// Those that gather from that many objects.
+    pub fn gather(&self, objects: u32) -> &GatherKernels {
+        if objects > 1 { &self.several } else { &self.one }
+    }
+
+    /// Whether all that light the texels of that many objects are compiled.
+    pub fn are_ready(&self, objects: u32, cache: &PipelineCache) -> bool {
+        let bounce = &self.gather(objects).bounce;
+        [&self.emit, &self.direct, &self.leaves, &self.pull, bounce].iter().all(|kernel| kernel.is_ready(cache))
     }
 }
 
@@ -65,13 +78,20 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let bounce = [read, uniform, read, read, uniform, write];
     // The same; view, surface; light; G-buffer, glossy light.
     let pixels = [read, uniform, read, read, uniform, uniform, surface, output, surface, output];
+    let gather = |defs: &[&str]| {
+        let with = |more: &[&str]| defs.iter().chain(more).map(|def| ShaderDefVal::from(*def)).collect();
+        GatherKernels {
+            bounce: kernel_with("cssm/bounce.wgsl", "bounce", &bounce, &maps, with(&[])),
+            pixels: kernel_with("cssm/pixels.wgsl", "pixels", &pixels[..8], &maps, with(&[])),
+            glossy_pixels: kernel_with("cssm/pixels.wgsl", "pixels", &pixels, &maps, with(&["GLOSSY"])),
+        }
+    };
     commands.insert_resource(CssmPipelines {
         emit: kernel("cssm/emit.wgsl", "emit", &emit, &[]),
         direct: kernel("cssm/direct.wgsl", "direct", &direct, &maps),
         leaves: kernel("cssm/hierarchy.wgsl", "leaves", &hierarchy, &[]),
         pull: kernel("cssm/hierarchy.wgsl", "pull", &hierarchy, &[]),
-        bounce: kernel("cssm/bounce.wgsl", "bounce", &bounce, &maps),
-        pixels: kernel("cssm/pixels.wgsl", "pixels", &pixels[..8], &maps),
-        glossy_pixels: kernel_with("cssm/pixels.wgsl", "pixels", &pixels, &maps, vec!["GLOSSY".into()]),
+        one: gather(&[]),
+        several: gather(&["SEVERAL"]),
     });
 }

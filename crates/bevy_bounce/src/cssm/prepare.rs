@@ -183,6 +183,11 @@ impl Baked {
         (baked, too_large)
     }
 
+    /// Objects.
+    pub fn count(&self) -> u32 {
+        self.bakes.get().count
+    }
+
     /// Texels of all objects.
     pub fn lights(&self) -> u32 {
         self.bakes.get().lights

@@ -9,7 +9,7 @@ use bevy_bounce_shaders::types::{
 };
 use bevy_bounce_tests::baked::{cornell_box, resources, small_block, small_cornell_box};
 use bevy_bounce_tests::gpu::{Resources, gpu};
-use bevy_bounce_tests::scene::run;
+use bevy_bounce_tests::scene::{run, run_with};
 use bevy_bounce_tests::twins::cssm::{Object, direct, gather, texels};
 
 /// A lamp in the room and one before it, a spot and a sun that shine in from the open side.
@@ -221,7 +221,8 @@ fn objects_light_and_hide_each_other() {
     let placed: Vec<_> = files.iter().zip(origins).map(|(file, at)| (*file, Affine3A::from_translation(at))).collect();
     let lit = with_light(&placed, &sent.concat(), 0.0);
     let lights = sent.concat().len();
-    run(gpu(), "cssm/bounce.wgsl", "bounce", &lit, [lights.div_ceil(64) as u32, 1, 1]);
+    let groups = [lights.div_ceil(64) as u32, 1, 1];
+    run_with(gpu(), "cssm/bounce.wgsl", "bounce", &["SEVERAL"], &lit, groups);
     let found = read(&lit, "gathered");
     let objects = |count: usize| -> Vec<Object> {
         let all = files.iter().zip(origins).zip(&sent).take(count);

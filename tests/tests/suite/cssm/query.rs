@@ -206,7 +206,8 @@ fn places_find_their_texels() {
         .cached("cssm locate", || gpu().kernel(&compose_source(LOCATE, "locate.wgsl", &[])?, "ask"))
         .unwrap_or_else(|error| panic!("{error}"));
     let lights = (room.meta.texels + block.meta.texels) as usize;
-    let resources = resources(gpu(), &[(room, Affine3A::IDENTITY), (block, at)], PAGE_BITS).zeroed("answers", 4 * lights);
+    let resources =
+        resources(gpu(), &[(room, Affine3A::IDENTITY), (block, at)], PAGE_BITS).zeroed("answers", 4 * lights);
     gpu().dispatch(&kernel, &resources, [lights.div_ceil(64) as u32, 1, 1]).expect("runs");
     let answers = resources.read_words("answers").expect("reads back");
     let (mut wrong, mut in_the_air) = (0, 0);

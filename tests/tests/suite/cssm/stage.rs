@@ -114,7 +114,7 @@ fn box_bake(albedo: f32, atlas: u32) -> CssmFile {
 }
 
 /// A box whose walls emit and reflect, with that place in the world.
-fn furnace(emitted: f32, albedo: f32, place: Transform, atlas: u32, bounces: u32) -> Stage {
+pub(super) fn furnace(emitted: f32, albedo: f32, place: Transform, atlas: u32, bounces: u32) -> Stage {
     let file = box_bake(albedo, atlas);
     let settings = GiSettings { bounces, ..SMALL };
     Stage::with_run(run(SIZE, Some(radiosity(settings))), move |app| {
