@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bevy::prelude::*;
 use bevy_bounce::{GiSettings, GlobalIllumination, Quality, Technique};
-use bevy_bounce_examples::scenes::{AnimalPlugin, CornellPlugin};
+use bevy_bounce_examples::scenes::{AnimalPlugin, CornellPlugin, CrowdPlugin};
 use bevy_bounce_tests::picture::{Picture, linear_to_srgb};
 use bevy_bounce_tests::stage::{SMALL, Stage, run};
 
@@ -73,13 +73,19 @@ fn a_creeping_camera_is_calm_with_caches() {
     creeping_is_calm(Technique::RadianceCache);
 }
 
-/// Means of thirty frames, a thirtieth of a second apart.
-fn means(stage: &mut Stage) -> Vec<f64> {
+/// Largest changes of the mean over so many frames, a thirtieth of a second apart: from a frame to the next, and off the mean of those
+/// beside it.
+fn unrest(stage: &mut Stage, frames: usize) -> (f64, f64) {
+    stage.settled_picture();
     let mut next = || {
         stage.frame(Duration::from_secs_f64(1.0 / 30.0));
         stage.captured().mean_luminance()
     };
-    (0..30).map(|_| next()).collect()
+    let means: Vec<f64> = (0..frames).map(|_| next()).collect();
+    let largest = |values: &mut dyn Iterator<Item = f64>| values.map(f64::abs).fold(0.0, f64::max);
+    let jump = largest(&mut means.windows(2).map(|m| m[1] / m[0] - 1.0));
+    let alone = largest(&mut means.windows(3).map(|m| 2.0 * m[1] / (m[0] + m[2]) - 1.0));
+    (jump, alone)
 }
 
 /// A figure that walks changes the light around it step by step: no frame is brighter or darker than those beside it.
@@ -89,12 +95,32 @@ fn no_frame_stands_out_while_a_figure_walks() {
         let mut stage = Stage::with_run(run(SIZE, Some(lit(technique, default_history()))), |app| {
             app.add_plugins(AnimalPlugin);
         });
-        stage.settled_picture();
-        let means = means(&mut stage);
-        let largest = |values: &mut dyn Iterator<Item = f64>| values.map(f64::abs).fold(0.0, f64::max);
-        let jump = largest(&mut means.windows(2).map(|m| m[1] / m[0] - 1.0));
-        let alone = largest(&mut means.windows(3).map(|m| 2.0 * m[1] / (m[0] + m[2]) - 1.0));
+        let (jump, alone) = unrest(&mut stage, 30);
         println!("{technique:?}: the mean jumps by {jump:.4} at most, and is {alone:.4} off its neighbours");
         assert!(alone < 0.02, "{technique:?}: a frame's mean is {alone} off its neighbours");
     }
+}
+
+/// Many figures at once, none of which is much of the picture: how far a frame's mean is off those beside it, by default settings.
+fn unrest_of_a_crowd(technique: Technique) -> f64 {
+    let light = GlobalIllumination { technique, ..default() };
+    let mut stage = Stage::with_run(run(SIZE, Some(light)), |app| {
+        app.add_plugins(CrowdPlugin);
+    });
+    let (jump, alone) = unrest(&mut stage, 20);
+    println!("{technique:?}: the mean jumps by {jump:.4} at most, and is {alone:.4} off its neighbours");
+    alone
+}
+
+#[test]
+fn no_frame_stands_out_in_a_crowd_lit_by_caches() {
+    let alone = unrest_of_a_crowd(Technique::RadianceCache);
+    assert!(alone < 0.01, "a frame's mean is {alone} off its neighbours");
+}
+
+#[test]
+#[ignore = "not met: means are up to three percent off their neighbours"]
+fn no_frame_stands_out_in_a_crowd_lit_by_virtual_lights() {
+    let alone = unrest_of_a_crowd(Technique::InstantRadiosity);
+    assert!(alone < 0.01, "a frame's mean is {alone} off its neighbours");
 }
