@@ -90,7 +90,7 @@ pub struct Overlaps {
 
 impl Overlaps {
     /// Pairs that overlap and were not told before. Nothing is done while nothing moves.
-    pub fn new_pairs<'a>(&mut self, objects: &[(Entity, Affine3A, &'a Hull)]) -> Vec<[Entity; 2]> {
+    pub fn new_pairs(&mut self, objects: &[(Entity, Affine3A, &Hull)]) -> Vec<[Entity; 2]> {
         let places: Vec<_> = objects.iter().map(|&(entity, place, _)| (entity, place)).collect();
         if places == self.places {
             return Vec::new();
