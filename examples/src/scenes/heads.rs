@@ -148,7 +148,7 @@ fn try_spawn(build: &mut Builder, bakes: Option<ResMut<Assets<CssmAsset>>>) -> R
     let mut bakes = bakes.map(ResMut::into_inner);
     let room = BakedObject::new("room", &room(), &ROOM_BAKE, build, bakes.as_deref_mut())?;
     let plaster = Piece { name: "plaster", solid: head(), albedo: [0.74, 0.7, 0.64] };
-    let head = BakedObject::new("head", &[plaster], &HEAD_BAKE, build, bakes.as_deref_mut())?;
+    let head = BakedObject::new("head", &[plaster], &HEAD_BAKE, build, bakes)?;
     room.spawn(&mut build.commands, Transform::IDENTITY);
     for (x, angle, speed) in [(-0.85, 0.5, 0.6), (0.85, -0.6, -0.45)] {
         let at = Transform::from_xyz(x, 1.15, -0.1).with_rotation(Quat::from_rotation_y(angle));
