@@ -36,6 +36,12 @@ fn make_lobe(normal: vec3<f32>, view: vec3<f32>, perceptual_roughness: f32, f_ze
     return Lobe(normal, view, n_dot_v, roughness * roughness, f_zero * share.x + share.y);
 }
 
+// What of constant light the lobe sends where all of it would be reflected: fitted to its mean over the hemisphere, weighted by the
+// cosine, which by quadrature is 0.998, 0.977, 0.881 and 0.604 at roughness 0.15, 0.3, 0.5 and 0.8. The split sum's fit is far off there.
+fn white_share(alpha: f32) -> f32 {
+    return 1.0 - 0.72 * pow(alpha, 1.35);
+}
+
 fn distribution(alpha: f32, cosine: f32) -> f32 {
     let square = alpha * alpha;
     let d = cosine * cosine * (square - 1.0) + 1.0;
@@ -53,9 +59,8 @@ fn lobe_weight(lobe: Lobe, direction: vec3<f32>, solid_angle: f32) -> f32 {
     let halfway = normalize(direction + lobe.view);
     let seen = n_dot_l * sqrt(lobe.n_dot_v * lobe.n_dot_v * (1.0 - square) + square);
     let lit = lobe.n_dot_v * sqrt(n_dot_l * n_dot_l * (1.0 - square) + square);
-    let share = split_sum(sqrt(alpha), lobe.n_dot_v);
     let cosine = clamp(dot(lobe.normal, halfway), 0.0, 1.0);
-    return distribution(alpha, cosine) * 0.5 * n_dot_l / ((seen + lit) * (share.x + share.y));
+    return distribution(alpha, cosine) * 0.5 * n_dot_l / ((seen + lit) * white_share(alpha));
 }
 
 /// What no weight exceeds in a cone of directions: its axis, and the cosine of its half angle. A direction and the mirrored view are at
@@ -69,6 +74,5 @@ fn largest_weight(lobe: Lobe, direction: vec3<f32>, slack: f32) -> f32 {
     }
     let square = lobe.alpha * lobe.alpha;
     let shadowed = 0.5 / (sqrt(lobe.n_dot_v * lobe.n_dot_v * (1.0 - square) + square) + lobe.n_dot_v);
-    let share = split_sum(sqrt(lobe.alpha), lobe.n_dot_v);
-    return distribution(lobe.alpha, sqrt(max(0.5 + 0.5 * nearest, 0.0))) * shadowed / (share.x + share.y);
+    return distribution(lobe.alpha, sqrt(max(0.5 + 0.5 * nearest, 0.0))) * shadowed / white_share(lobe.alpha);
 }
