@@ -2,6 +2,7 @@
 
 #define_import_path bevy_bounce::shared::lights
 
+#import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::Light
 
 /// Parts of a rect light's edge: it is taken as so many small ones, squared.
@@ -47,5 +48,5 @@ fn rect_part_form_factor(light: Light, to_part: vec3<f32>, normal: vec3<f32>) ->
     let direction = to_part * inverseSqrt(square);
     let cosines = max(dot(normal, direction), 0.0) * max(-dot(direction, light.direction), 0.0);
     let area = rect_area(light) / f32(RECT_PARTS * RECT_PARTS);
-    return cosines * area / (square + area / 3.14159265);
+    return cosines * area / (square + area / PI);
 }

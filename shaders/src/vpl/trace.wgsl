@@ -295,21 +295,23 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3<u32>) {
         return;
     }
     let emissive = emissive_power();
-    let total = scene.light_power + emissive + sky_power();
+    let sky = sky_power();
+    let total = scene.light_power + emissive + sky;
     if total <= 0.0 {
         paths[path] = Path(0u, 0u, 0u);
         return;
     }
     let pick = sample_square(path, DIMENSION_LIGHT).x * total;
     var photon: Photon;
-    if scene.light_count > 0u && pick < scene.light_power {
-        photon = start_at_light(find_light(pick, 0u, scene.light_count), 0u, path, total);
-    } else if pick < scene.light_power + emissive {
+    // By rounding it may be the whole sum: only what shines is asked.
+    if sky > 0.0 && pick >= scene.light_power + emissive {
+        let first = scene.light_count;
+        let index = find_light(pick - scene.light_power - emissive, first, scene.sky_count);
+        photon = start_at_light(index, first, path, total);
+    } else if emissive > 0.0 && pick >= scene.light_power {
         photon = start_at_emitter(find_emitter(pick - scene.light_power), path, total);
     } else {
-        let sky = scene.light_count;
-        let index = find_light(pick - scene.light_power - emissive, sky, scene.sky_count);
-        photon = start_at_light(index, sky, path, total);
+        photon = start_at_light(find_light(pick, 0u, scene.light_count), 0u, path, total);
     }
     let count = follow(path, photon);
     paths[path] = Path(count, select(1u, 0u, photon.on_surface), 0u);

@@ -213,13 +213,13 @@ pub(super) fn light_sky(
         BindingResource::TextureView(&image.texture_view),
         BindingResource::Sampler(&image.sampler),
     ];
-    let measure = sky.measure.bind(&device, &cache, &bindings);
     let choose = sky.choose.bind(&device, &cache, &bindings[..4]);
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/sky");
     if std::mem::take(&mut sky.stale) {
+        let measure = sky.measure.bind(&device, &cache, &bindings);
         sky.measure.dispatch(encoder, &cache, &[&measure], UVec3::new(TEXELS, 1, 1));
     }
     sky.choose.dispatch(encoder, &cache, &[&choose], UVec3::ONE);
