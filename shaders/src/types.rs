@@ -143,6 +143,26 @@ pub struct Scene {
     pub max_emission: f32,
     /// Directional lights that stand for the sky.
     pub sky_count: u32,
+    /// Boxes round the cameras, each within the next, the last of which holds all.
+    pub regions: [Region; REGIONS],
+    /// How many of them there are: 1 where the scene is small.
+    pub region_count: u32,
+}
+
+/// Boxes round the cameras, at most.
+pub const REGIONS: usize = 4;
+
+/// A box round the cameras.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct Region {
+    /// Lowest corner.
+    pub min: Vec3,
+    /// Paths that start in it are so many times as dense as in the innermost, for each box that they start in.
+    pub weight: f32,
+    /// Opposite corner.
+    pub max: Vec3,
+    /// Makes it 32 bytes.
+    pub padding: u32,
 }
 
 /// Edge of the sky's table, in texels of an octahedral map.
@@ -220,7 +240,7 @@ pub struct ThumbnailJob {
     pub padding: u32,
 }
 
-/// Where the voxel grid lies.
+/// Where the voxel grid lies: the finest of several, each within the next.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct Grid {
     /// World position of its lowest corner.
@@ -229,8 +249,34 @@ pub struct Grid {
     pub voxel_size: f32,
     /// Voxels along each axis.
     pub dims: UVec3,
-    /// Cells (voxel and facing) there is room for.
+    /// Cells (voxel and facing) there is room for in all.
     pub cell_capacity: u32,
+    /// Those around it.
+    pub further: [GridLevel; FURTHER_LEVELS],
+    /// How many of them there are.
+    pub further_count: u32,
+}
+
+/// Grids around the finest one, at most.
+pub const FURTHER_LEVELS: usize = REGIONS - 1;
+
+/// One of the nested grids, and where it begins in the buffers that hold all.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct GridLevel {
+    /// World position of its lowest corner.
+    pub origin: Vec3,
+    /// Edge of a voxel, world units.
+    pub voxel_size: f32,
+    /// Voxels along each axis.
+    pub dims: UVec3,
+    /// Voxels of the levels before it.
+    pub first_voxel: u32,
+    /// Their bricks.
+    pub first_brick: u32,
+    /// Their blocks of 2^3 voxels.
+    pub first_block: u32,
+    /// Makes it 48 bytes.
+    pub padding: UVec2,
 }
 
 /// One facing of a voxel: the mean of the surfaces in it that look that way.

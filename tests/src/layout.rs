@@ -38,6 +38,8 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         Light,
         Scene,
         Grid,
+        GridLevel,
+        Region,
         Cell,
         Vpl,
         DeformJob,

@@ -3,7 +3,7 @@
 use bevy::math::{Affine3A, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
     BRICK_WORDS, CHUNK_TRIANGLES, Cell, Chunk, Emitter, Grid, Instance, Light, MEETING_WORDS, Material, NONE,
-    OccluderChunk, Scene, VERTEX_WORDS,
+    OccluderChunk, REGIONS, Region, Scene, VERTEX_WORDS,
 };
 use half::f16;
 
@@ -24,6 +24,13 @@ pub struct TestScene {
     pub lights: Vec<Light>,
     /// All triangles in world space, in the order of instances.
     pub triangles: Vec<Triangle>,
+}
+
+/// A single region: the whole scene.
+pub fn regions(min: Vec3, max: Vec3) -> [Region; REGIONS] {
+    let mut regions = [Region::default(); REGIONS];
+    regions[0] = Region { min, weight: 1.0, max, padding: 0 };
+    regions
 }
 
 /// An opaque, diffuse material.
@@ -94,7 +101,7 @@ impl TestScene {
         let origin = low - voxel_size * Vec3::new(1.37, 1.31, 1.43);
         let dims = ((high - origin) / voxel_size).ceil() + 1.0;
         let dims = dims.as_uvec3();
-        Grid { origin, voxel_size, dims, cell_capacity: 6 * dims.element_product() }
+        Grid { origin, voxel_size, dims, cell_capacity: 6 * dims.element_product(), ..Default::default() }
     }
 
     /// Binds everything under the names of the shaders.
@@ -113,6 +120,8 @@ impl TestScene {
             bounds_max,
             light_count: lights.len() as u32,
             light_power: power,
+            regions: regions(bounds_min, bounds_max),
+            region_count: 1,
             chunk_count: chunks.len() as u32,
             emissive_chunk_count: emissive.len() as u32,
             max_emission: self.materials.iter().map(|material| material.emissive.max_element()).fold(0.0, f32::max),

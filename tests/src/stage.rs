@@ -20,6 +20,7 @@ use crate::picture::Picture;
 /// Settings that a software adapter renders in a moment, without bias compensation and history.
 pub const SMALL: GiSettings = GiSettings {
     grid: 32,
+    range: 40.0,
     vpls: 256,
     bounces: 6,
     visibility: VplVisibility::Voxel,

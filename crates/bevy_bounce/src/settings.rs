@@ -59,10 +59,16 @@ pub enum Quality {
 #[derive(Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Default)]
 pub struct GiSettings {
-    /// Edge of the voxel grid, in voxels: the budget is `grid`^3, spread over the scene's bounds in cubic voxels.
+    /// Edge of the voxel grid, in voxels: the budget is `grid`^3, spread over the scene's bounds, or what of them is in `range`, in cubic voxels.
     /// 8 to 256; 128 at most where radiance caches are used. Memory and the cost of voxelisation grow with its cube.
     #[reflect(@8..=256_u32)]
     pub grid: u32,
+    /// How far around the camera bounced light is as fine as the grid makes it, world units: 1 to 10,000. A scene that is wider than twice as far has further grids around that one,
+    /// each four times as wide, of which the fourth at most holds all; most virtual lights are near the camera, and light probes are
+    /// within this range alone, as is glossy light by caches. More is coarser near the camera; each further grid takes the memory and
+    /// the time of another.
+    #[reflect(@1.0..=1e4_f32)]
+    pub range: f32,
     /// Virtual point lights, 16 to 65536. Each pixel is lit by a sixteenth of them; cost is proportional.
     #[reflect(@16..=65536_u32)]
     pub vpls: u32,
@@ -134,6 +140,9 @@ impl Resolution {
 
 /// Virtual lights times triangles that are drawn into their shadow maps, at most.
 const OCCLUSION_BUDGET: u32 = 1 << 24;
+
+/// How far around the camera light is fine by default, world units.
+const RANGE: f32 = 40.0;
 
 /// Frames over which bounced light is averaged by default.
 const HISTORY: u32 = 8;
@@ -232,6 +241,7 @@ impl Quality {
     pub fn settings(&self) -> GiSettings {
         let preset = |grid, vpls, tile, probes, sky, resolution, iterations, error| GiSettings {
             grid,
+            range: RANGE,
             vpls,
             bounces: 12,
             visibility: VplVisibility::Atlas,
@@ -252,6 +262,7 @@ impl Quality {
             Quality::Ultra => preset(128, 8192, 48, 24, 256, Resolution::Full, 2, 4.0),
             Quality::Custom(custom) => GiSettings {
                 grid: custom.grid.clamp(8, 256),
+                range: if custom.range.is_nan() { RANGE } else { custom.range.clamp(1.0, 1e4) },
                 vpls: custom.vpls.clamp(16, 65536),
                 bounces: custom.bounces.clamp(1, 31),
                 visibility: custom.visibility,
@@ -284,6 +295,7 @@ pub(crate) fn extract_world_settings(
         .map(|(gi, _)| gi.world_settings())
         .reduce(|a, b| GiSettings {
             grid: a.grid.max(b.grid).min(if a.lights_grid() || b.lights_grid() { MAX_LIT_GRID } else { u32::MAX }),
+            range: a.range.max(b.range),
             vpls: a.vpls.max(b.vpls),
             bounces: a.bounces.max(b.bounces),
             visibility: a.visibility.max(b.visibility),

@@ -5,7 +5,7 @@
 #import bevy_bounce::shared::groups::{folded_index, exclusive_scan, scan_total}
 #import bevy_bounce::shared::grid::{
     Grid, Cell, voxel_count, voxel_facings, pack_bounds, CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, COUNTER_CELLS,
-    COUNTER_OVERFLOW, COUNTER_AREA,
+    COUNTER_OVERFLOW, COUNTER_AREA, COUNTER_FINEST,
 }
 #import bevy_bounce::shared::octahedral::encode_unit
 
@@ -60,6 +60,7 @@ fn scan_blocks(@builtin(local_invocation_index) lane: u32) {
         atomicStore(&counters[COUNTER_CELLS], min(before, grid.cell_capacity));
         atomicStore(&counters[COUNTER_OVERFLOW], before - min(before, grid.cell_capacity));
         atomicStore(&counters[COUNTER_AREA], 0u);
+        atomicStore(&counters[COUNTER_FINEST], min(before, grid.cell_capacity));
     }
 }
 
@@ -77,6 +78,9 @@ fn assign_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
         let voxel = first + i;
         if voxel >= voxel_count(grid) {
             return;
+        }
+        if grid.further_count > 0u && voxel == grid.further[0].first_voxel {
+            atomicStore(&counters[COUNTER_FINEST], min(cell, grid.cell_capacity));
         }
         let facings = voxel_facings(voxels[voxel]);
         let next = cell + countOneBits(facings);
@@ -108,7 +112,9 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         let low = 1.0 - vec3<f32>(vec3<i32>(sums[o + 10u], sums[o + 11u], sums[o + 12u])) / BOUND_ONE;
         let high = vec3<f32>(vec3<i32>(sums[o + 13u], sums[o + 14u], sums[o + 15u])) / BOUND_ONE;
         mean.bounds = pack_bounds(low, high);
-        atomicAdd(&counters[COUNTER_AREA], u32(round(area * 256.0)));
+        if cell < atomicLoad(&counters[COUNTER_FINEST]) {
+            atomicAdd(&counters[COUNTER_AREA], u32(round(area * 256.0)));
+        }
     }
     cells[cell] = mean;
 }

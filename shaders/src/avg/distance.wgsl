@@ -5,7 +5,7 @@
 
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{
-    Grid, voxel_index, voxel_facings, leap_dims, DISTANCE_SHIFT, MAX_DISTANCE, LEAP_BLOCK,
+    Grid, GridLevel, grid_level, level_of_block, voxel_index, voxel_facings, leap_dims, DISTANCE_SHIFT, MAX_DISTANCE, LEAP_BLOCK,
 }
 
 @group(0) @binding(0) var<uniform> grid: Grid;
@@ -14,28 +14,26 @@
 @group(0) @binding(3) var<storage, read_write> along_x: array<u32>;
 @group(0) @binding(4) var<storage, read_write> along_y: array<u32>;
 
+// The grid of the thread's block.
+var<private> level: GridLevel;
 
-fn thread_index(group: vec3<u32>, lane: u32) -> u32 {
-    return folded_index(group) * 64u + lane;
-}
-
-fn block_of(index: u32) -> vec3<i32> {
-    let dims = leap_dims(grid);
-    return vec3<i32>(vec3<u32>(index % dims.x, (index / dims.x) % dims.y, index / (dims.x * dims.y)));
-}
-
-fn is_block(index: u32) -> bool {
-    let dims = leap_dims(grid);
-    return index < dims.x * dims.y * dims.z;
+// The block of a thread; false for one that has none.
+fn start(group: vec3<u32>, lane: u32, index: ptr<function, u32>, block: ptr<function, vec3<i32>>) -> bool {
+    *index = folded_index(group) * 64u + lane;
+    level = grid_level(grid, level_of_block(grid, *index));
+    let dims = leap_dims(level);
+    let place = *index - level.first_block;
+    *block = vec3<i32>(vec3<u32>(place % dims.x, (place / dims.x) % dims.y, place / (dims.x * dims.y)));
+    return place < dims.x * dims.y * dims.z;
 }
 
 // Position of a block in the buffers; the second is false outside of the grid.
 fn find(block: vec3<i32>) -> vec2<u32> {
-    let dims = vec3<i32>(leap_dims(grid));
+    let dims = vec3<i32>(leap_dims(level));
     if any(block < vec3<i32>(0)) || any(block >= dims) {
         return vec2<u32>(0u, 0u);
     }
-    return vec2<u32>(u32((block.z * dims.y + block.y) * dims.x + block.x), 1u);
+    return vec2<u32>(level.first_block + u32((block.z * dims.y + block.y) * dims.x + block.x), 1u);
 }
 
 fn distance_x(block: vec3<i32>) -> u32 {
@@ -58,21 +56,21 @@ fn voxel_in(block: vec3<i32>, corner: u32) -> vec3<i32> {
 }
 
 fn is_voxel(voxel: vec3<i32>) -> bool {
-    return all(voxel < vec3<i32>(grid.dims));
+    return all(voxel < vec3<i32>(level.dims));
 }
 
 @compute @workgroup_size(64)
 fn find_occupied(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = thread_index(group, lane);
-    if !is_block(index) {
+    var index: u32;
+    var block: vec3<i32>;
+    if !start(group, lane, &index, &block) {
         return;
     }
-    let block = block_of(index);
     var any_facing = 0u;
     for (var corner = 0u; corner < 8u; corner++) {
         let voxel = voxel_in(block, corner);
         if is_voxel(voxel) {
-            any_facing |= voxel_facings(voxels[voxel_index(grid, voxel)]);
+            any_facing |= voxel_facings(voxels[voxel_index(level, voxel)]);
         }
     }
     occupied[index] = any_facing;
@@ -80,11 +78,11 @@ fn find_occupied(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
 
 @compute @workgroup_size(64)
 fn pass_x(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = thread_index(group, lane);
-    if !is_block(index) {
+    var index: u32;
+    var block: vec3<i32>;
+    if !start(group, lane, &index, &block) {
         return;
     }
-    let block = block_of(index);
     var best = distance_x(block);
     for (var step = 1u; step < best; step++) {
         let offset = vec3<i32>(i32(step), 0, 0);
@@ -95,11 +93,11 @@ fn pass_x(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
 
 @compute @workgroup_size(64)
 fn pass_y(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = thread_index(group, lane);
-    if !is_block(index) {
+    var index: u32;
+    var block: vec3<i32>;
+    if !start(group, lane, &index, &block) {
         return;
     }
-    let block = block_of(index);
     var best = distance_y(block);
     for (var step = 1u; step < best; step++) {
         let offset = vec3<i32>(0, i32(step), 0);
@@ -110,11 +108,11 @@ fn pass_y(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
 
 @compute @workgroup_size(64)
 fn pass_z(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = thread_index(group, lane);
-    if !is_block(index) {
+    var index: u32;
+    var block: vec3<i32>;
+    if !start(group, lane, &index, &block) {
         return;
     }
-    let block = block_of(index);
     var best = distance_z(block);
     for (var step = 1u; step < best; step++) {
         let offset = vec3<i32>(0, 0, i32(step));
@@ -123,7 +121,7 @@ fn pass_z(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     for (var corner = 0u; corner < 8u; corner++) {
         let voxel = voxel_in(block, corner);
         if is_voxel(voxel) {
-            voxels[voxel_index(grid, voxel)] |= best << DISTANCE_SHIFT;
+            voxels[voxel_index(level, voxel)] |= best << DISTANCE_SHIFT;
         }
     }
 }

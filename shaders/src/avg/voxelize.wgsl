@@ -1,4 +1,4 @@
-// Triangles into the voxel grid; positions in voxels from its origin. Bashford-Rogers et al. 2012, III-A, in compute.
+// Triangles into the voxel grid. Bashford-Rogers et al. 2012, III-A, in compute.
 //
 // Runs twice over all triangles. The first run marks which facings of which voxels are touched; after the scan has given
 // each of them a cell, the second (`ACCUMULATE`) adds to it the triangle's area within the voxel, and albedo, normal and
@@ -6,6 +6,9 @@
 // enlarges small triangles, so that the rasteriser leaves no hole, an exact triangle-box test (Akenine-Moeller 2001) finds
 // every voxel touched. Sums are integers: the order in which threads come does not show. With `EMISSION` the second run adds
 // what shines, over the emissive triangles alone: emitted light, as a part of the brightest in the scene, weighted by area.
+//
+// Of nested grids each takes all triangles in turn, one dispatch for all: `level` is the one that a workgroup works for, and
+// positions are in its voxels.
 //
 // A thread takes a triangle; one whose box holds more than INLINE_VOXELS goes to the queue as bricks of 8^3 voxels, a
 // workgroup each. Where the queue is full the thread goes on by itself. Threads look for the next voxel touched each on
@@ -17,7 +20,8 @@
 #import bevy_bounce::avg::queue::{queue_capacity, QUEUE_HEADER, QUEUE_WORDS}
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{
-    Grid, voxel_index, voxel_facings, cell_index, facing_of, CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS,
+    Grid, GridLevel, grid_level, level_of_brick, brick_index, brick_place, voxel_index, voxel_facings, cell_index, facing_of,
+    CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS,
 }
 #import bevy_bounce::shared::scene::{Chunk, Scene}
 #import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_albedo, surface_emission, is_masked_out}
@@ -37,6 +41,8 @@
 #else
 @group(0) @binding(8) var<storage, read_write> voxels: array<atomic<u32>>;
 #endif
+
+var<private> level: GridLevel;
 
 const INLINE_VOXELS: u32 = 128u;
 const BRICK: i32 = 8;
@@ -216,7 +222,7 @@ fn add(cell: u32, part: Part, albedo: vec3<f32>, normal: vec3<f32>) {
 #endif
 
 fn add_side(voxel: vec3<i32>, part: Part, color: vec3<f32>, normal: vec3<f32>) {
-    let word = voxels[voxel_index(grid, voxel)];
+    let word = voxels[voxel_index(level, voxel)];
     let facing = facing_of(normal);
     if (voxel_facings(word) & (1u << facing)) != 0u {
         add(cell_index(word, facing), part, color, normal);
@@ -247,7 +253,7 @@ fn visit(t: Triangle, voxel: vec3<i32>) {
     if t.two_sided {
         facings |= 1u << facing_of(-t.normal);
     }
-    atomicOr(&voxels[voxel_index(grid, voxel)], facings << CELL_BITS);
+    atomicOr(&voxels[voxel_index(level, voxel)], facings << CELL_BITS);
 #endif
 }
 
@@ -329,7 +335,7 @@ fn box_low(t: Triangle) -> vec3<i32> {
 }
 
 fn box_high(t: Triangle) -> vec3<i32> {
-    return min(vec3<i32>(floor(max(t.a, max(t.b, t.c)) + SLACK)), vec3<i32>(grid.dims) - 1);
+    return min(vec3<i32>(floor(max(t.a, max(t.b, t.c)) + SLACK)), vec3<i32>(level.dims) - 1);
 }
 
 fn enqueue(instance: u32, triangle: u32, brick: u32) -> bool {
@@ -344,12 +350,7 @@ fn enqueue(instance: u32, triangle: u32, brick: u32) -> bool {
     return true;
 }
 
-fn brick_dims() -> vec3<i32> {
-    return (vec3<i32>(grid.dims) + (BRICK - 1)) / BRICK;
-}
-
 fn enqueue_bricks(t: Triangle, instance: u32, triangle: u32, low: vec3<i32>, high: vec3<i32>) {
-    let dims = brick_dims();
     let first = low / BRICK;
     let last = high / BRICK;
     for (var z = first.z; z <= last.z; z++) {
@@ -360,7 +361,7 @@ fn enqueue_bricks(t: Triangle, instance: u32, triangle: u32, low: vec3<i32>, hig
                 if !touches_cube(t, center, 0.5 * f32(BRICK)) {
                     continue;
                 }
-                if !enqueue(instance, triangle, u32((z * dims.y + y) * dims.x + x)) {
+                if !enqueue(instance, triangle, brick_index(level, vec3<u32>(brick))) {
                     visit_box(t, max(brick * BRICK, low), min(brick * BRICK + (BRICK - 1), high));
                 }
             }
@@ -376,12 +377,13 @@ fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
 #else
     let count = scene.chunk_count;
 #endif
-    if index >= count {
+    if index >= count * (grid.further_count + 1u) {
         return;
     }
-    let chunk = chunks[index];
+    level = grid_level(grid, index / count);
+    let chunk = chunks[index % count];
     let triangle = chunk.first_triangle + lane;
-    let t = load_triangle(chunk.instance, triangle, grid.origin, grid.voxel_size);
+    let t = load_triangle(chunk.instance, triangle, level.origin, level.voxel_size);
     if !t.valid {
         return;
     }
@@ -401,10 +403,10 @@ fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
 @compute @workgroup_size(64)
 fn bricks(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let o = QUEUE_HEADER + group.x * QUEUE_WORDS;
-    let t = load_triangle(atomicLoad(&queue[o]), atomicLoad(&queue[o + 1u]), grid.origin, grid.voxel_size);
-    let dims = brick_dims();
-    let index = i32(atomicLoad(&queue[o + 2u]));
-    let brick = vec3<i32>(index % dims.x, (index / dims.x) % dims.y, index / (dims.x * dims.y));
+    let index = atomicLoad(&queue[o + 2u]);
+    level = grid_level(grid, level_of_brick(grid, index));
+    let t = load_triangle(atomicLoad(&queue[o]), atomicLoad(&queue[o + 1u]), level.origin, level.voxel_size);
+    let brick = vec3<i32>(brick_place(level, index));
     let axis = column_axis(t);
     let corner = turn_voxel(brick * BRICK, axis);
     let column = corner.xy + vec2<i32>(i32(lane & 7u), i32(lane >> 3u));

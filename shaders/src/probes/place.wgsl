@@ -16,7 +16,7 @@
     probe_count, probe_at, axis_unit, face_normal,
 }
 #import bevy_bounce::shared::grid::{
-    voxel_index, voxel_facings, cell_plane, cell_area, bounds_low, bounds_high, CELL_MASK,
+    grid_level, voxel_index, voxel_facings, cell_plane, cell_area, bounds_low, bounds_high, CELL_MASK,
 }
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::octahedral::{decode_unit, encode_unit_8}
@@ -63,7 +63,7 @@ fn meet(at: vec3<f32>, axis: u32, reach: f32) -> Line {
     let end = min(i32(floor(at[axis] + reach)) + 1, i32(grid.dims[axis]));
     for (var i = first; i < end; i++) {
         let voxel = select(own, vec3<f32>(f32(i)), line == vec3<f32>(1.0));
-        let word = voxels[voxel_index(grid, vec3<i32>(voxel))];
+        let word = voxels[voxel_index(grid_level(grid, 0u), vec3<i32>(voxel))];
         let count = countOneBits(voxel_facings(word));
         for (var facing = 0u; facing < count; facing++) {
             let cell = cells[(word & CELL_MASK) + facing];

@@ -4,7 +4,7 @@
 // Cost: one word a voxel, one a cell.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::grid::{Grid, voxel_count, voxel_facings, CELL_MASK}
+#import bevy_bounce::shared::grid::{Grid, voxel_facings, CELL_MASK}
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::{Light, Scene, CHUNK_TRIANGLES}
 #import bevy_bounce::vpl::types::Emitter
@@ -24,7 +24,7 @@ const PLACE_VALID: u32 = 0x80000000u;
 @compute @workgroup_size(64)
 fn list_places(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let voxel = folded_index(group) * 64u + lane;
-    if voxel >= voxel_count(grid) {
+    if voxel >= grid.dims.x * grid.dims.y * grid.dims.z {
         return;
     }
     let word = voxels[voxel];
@@ -46,7 +46,7 @@ fn measure_unit() {
     if scene.sky_count > 0u {
         power += lights[scene.light_count + scene.sky_count - 1u].cumulative_power;
     }
-    let size = scene.bounds_max - scene.bounds_min;
+    let size = scene.regions[0].max - scene.regions[0].min;
     let area = 2.0 * (size.x * size.y + size.y * size.z + size.z * size.x);
     let mean = power / max(PI * area, 1e-20);
     // Also where it is not a number.

@@ -7,7 +7,7 @@
 //
 // Cost: one thread a voxel; for each of its cells sixteen voxels and a cell's words of those that are filled.
 
-#import bevy_bounce::shared::grid::{Grid, Cell, voxel_index, voxel_facings, cell_index, cell_area, AREA_ONE}
+#import bevy_bounce::shared::grid::{Grid, Cell, grid_level, voxel_index, voxel_facings, cell_index, cell_area, AREA_ONE}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::Scene
@@ -32,7 +32,7 @@ fn word_at(voxel: vec3<i32>) -> u32 {
     if any(voxel < vec3<i32>(0)) || any(voxel >= vec3<i32>(grid.dims)) {
         return 0u;
     }
-    return voxels[voxel_index(grid, voxel)];
+    return voxels[voxel_index(grid_level(grid, 0u), voxel)];
 }
 
 // The cell of that facing in the voxel, or in one of those before and behind it along the facing's axis.

@@ -9,7 +9,7 @@
 
 #import bevy_bounce::shared::octahedral::octahedral_to_unit
 #import bevy_bounce::shared::sampling::sample_square
-#import bevy_bounce::shared::scene::{Light, Scene, LIGHT_DIRECTIONAL}
+#import bevy_bounce::shared::scene::{Light, Scene, projected_area, LIGHT_DIRECTIONAL}
 #import bevy_bounce::shared::sky::{Sky, SKY_EDGE, SKY_TEXELS}
 #import bevy_bounce::vpl::types::luminance
 
@@ -180,9 +180,11 @@ fn choose(@builtin(local_invocation_index) lane: u32) {
     sum_up(own, lane);
     var light = draw(min(lane, scene.sky_count - 1u));
     workgroupBarrier();
-    // What it casts on the box of the scene, lumens.
-    let size = scene.bounds_max - scene.bounds_min;
-    let area = dot(size.yzx * size.zxy, abs(light.direction));
+    // What it casts on the boxes of the scene, lumens, each with its weight.
+    var area = 0.0;
+    for (var i = 0u; i < scene.region_count; i++) {
+        area += scene.regions[i].weight * projected_area(scene.regions[i], light.direction);
+    }
     light.cumulative_power = sum_up(select(0.0, luminance(light.color) * area * sky.share, lane < scene.sky_count), lane);
     if lane < scene.sky_count {
         lights[scene.light_count + lane] = light;

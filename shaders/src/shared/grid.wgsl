@@ -1,5 +1,8 @@
 // The voxel grid: where it lies and what its words mean.
 //
+// A large world has several, each within the next, coarser one; all are in the same buffers, the finest first. Positions "in
+// voxels" are in voxels of the finest, from its origin, where nothing else is said.
+//
 // A voxel is one word: first cell (22 bits), which of the six facings have a cell (6 bits), and the Chebyshev distance, in
 // blocks of 2^3 voxels, of its block to the nearest that has any (4 bits, at most 15, 0 where it has one itself). Cells of a voxel follow each other in
 // the order of their facings, so a facing's cell is the first cell plus the number of lower facings.
@@ -11,6 +14,18 @@ struct Grid {
     voxel_size: f32,
     dims: vec3<u32>,
     cell_capacity: u32,
+    further: array<GridLevel, 3>,
+    further_count: u32,
+}
+
+struct GridLevel {
+    origin: vec3<f32>,
+    voxel_size: f32,
+    dims: vec3<u32>,
+    first_voxel: u32,
+    first_brick: u32,
+    first_block: u32,
+    padding: vec2<u32>,
 }
 
 struct Cell {
@@ -38,23 +53,71 @@ const BOUND_ONE: f32 = 65536.0;
 /// Steps of a bound in a cell.
 const BOUND_STEPS: f32 = 31.0;
 
-/// Words of the counters: cells in use, cells there was no room for, area in 1/256 voxel faces.
+/// Words of the counters: cells in use, cells there was no room for, area in the finest grid in 1/256 voxel faces, cells of
+/// the finest grid.
 const COUNTER_CELLS: u32 = 0u;
 const COUNTER_OVERFLOW: u32 = 1u;
 const COUNTER_AREA: u32 = 2u;
+const COUNTER_FINEST: u32 = 3u;
 
-fn voxel_index(grid: Grid, voxel: vec3<i32>) -> u32 {
-    let v = vec3<u32>(voxel);
-    return (v.z * grid.dims.y + v.y) * grid.dims.x + v.x;
+/// One of the nested grids: 0 is the finest.
+fn grid_level(grid: Grid, level: u32) -> GridLevel {
+    switch level {
+        case 0u: {
+            return GridLevel(grid.origin, grid.voxel_size, grid.dims, 0u, 0u, 0u, vec2<u32>(0u));
+        }
+        case 1u: {
+            return grid.further[0];
+        }
+        case 2u: {
+            return grid.further[1];
+        }
+        default: {
+            return grid.further[2];
+        }
+    }
 }
 
+/// The finest grid that holds a world position; the coarsest, where none does.
+fn level_at(grid: Grid, position: vec3<f32>) -> u32 {
+    for (var i = 0u; i < grid.further_count; i++) {
+        let level = grid_level(grid, i);
+        let place = to_level(level, position);
+        if all(place >= vec3<f32>(0.0)) && all(place < vec3<f32>(level.dims)) {
+            return i;
+        }
+    }
+    return grid.further_count;
+}
+
+/// World position in voxels of a grid.
+fn to_level(level: GridLevel, position: vec3<f32>) -> vec3<f32> {
+    return (position - level.origin) / level.voxel_size;
+}
+
+fn voxel_index(level: GridLevel, voxel: vec3<i32>) -> u32 {
+    let v = vec3<u32>(voxel);
+    return level.first_voxel + (v.z * level.dims.y + v.y) * level.dims.x + v.x;
+}
+
+/// Voxels of all grids.
 fn voxel_count(grid: Grid) -> u32 {
-    return grid.dims.x * grid.dims.y * grid.dims.z;
+    let last = grid_level(grid, grid.further_count);
+    return last.first_voxel + last.dims.x * last.dims.y * last.dims.z;
 }
 
 /// Blocks of the distance along each axis.
-fn leap_dims(grid: Grid) -> vec3<u32> {
-    return (grid.dims + (LEAP_BLOCK - 1u)) / LEAP_BLOCK;
+fn leap_dims(level: GridLevel) -> vec3<u32> {
+    return (level.dims + (LEAP_BLOCK - 1u)) / LEAP_BLOCK;
+}
+
+/// The grid that a block of the distance belongs to.
+fn level_of_block(grid: Grid, block: u32) -> u32 {
+    var level = 0u;
+    while level < grid.further_count && block >= grid_level(grid, level + 1u).first_block {
+        level++;
+    }
+    return level;
 }
 
 fn voxel_facings(word: u32) -> u32 {
@@ -73,20 +136,36 @@ fn cell_index(word: u32, facing: u32) -> u32 {
 const BRICK: u32 = 8u;
 
 /// Bricks along each axis.
-fn brick_dims(grid: Grid) -> vec3<u32> {
-    return (grid.dims + (BRICK - 1u)) / BRICK;
+fn brick_dims(level: GridLevel) -> vec3<u32> {
+    return (level.dims + (BRICK - 1u)) / BRICK;
 }
 
 /// Index of a brick of voxels.
-fn brick_index(grid: Grid, brick: vec3<u32>) -> u32 {
-    let dims = brick_dims(grid);
-    return (brick.z * dims.y + brick.y) * dims.x + brick.x;
+fn brick_index(level: GridLevel, brick: vec3<u32>) -> u32 {
+    let dims = brick_dims(level);
+    return level.first_brick + (brick.z * dims.y + brick.y) * dims.x + brick.x;
 }
 
-/// Index of the brick of a position in voxels; of one outside, that of the nearest.
-fn brick_at(grid: Grid, position: vec3<f32>) -> u32 {
-    let voxel = clamp(position, vec3<f32>(0.0), vec3<f32>(grid.dims - 1u));
-    return brick_index(grid, vec3<u32>(voxel) / BRICK);
+/// Where a brick lies in its grid.
+fn brick_place(level: GridLevel, index: u32) -> vec3<u32> {
+    let dims = brick_dims(level);
+    let place = index - level.first_brick;
+    return vec3<u32>(place % dims.x, (place / dims.x) % dims.y, place / (dims.x * dims.y));
+}
+
+/// The grid that a brick belongs to.
+fn level_of_brick(grid: Grid, index: u32) -> u32 {
+    var level = 0u;
+    while level < grid.further_count && index >= grid_level(grid, level + 1u).first_brick {
+        level++;
+    }
+    return level;
+}
+
+/// Index of the brick of a world position in a grid; of one outside, that of the nearest.
+fn brick_at(level: GridLevel, position: vec3<f32>) -> u32 {
+    let voxel = clamp(to_level(level, position), vec3<f32>(0.0), vec3<f32>(level.dims - 1u));
+    return brick_index(level, vec3<u32>(voxel) / BRICK);
 }
 
 /// Facing of a normal: +x, -x, +y, -y, +z, -z by its longest component.

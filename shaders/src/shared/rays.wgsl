@@ -5,13 +5,16 @@
 // their voxels begin, and a surface never blocks a ray that leaves it. As in Bevy's shadow maps, a one-sided surface lets
 // pass what comes from behind.
 //
+// All lengths are in voxels of the finest grid; what is left out near a ray's ends is in voxels of the grid that the ray is in.
+//
 // Cost: one word a step. The distance stored in empty voxels lets a step cross all that is known to be empty; in an occupied
 // voxel each facing costs four words more.
 
 #define_import_path bevy_bounce::shared::rays
 
 #import bevy_bounce::shared::grid::{
-    Grid, Cell, voxel_index, voxel_facings, voxel_distance, cell_plane, cell_area, bounds_low, bounds_high, CELL_MASK, LEAP_BLOCK,
+    Grid, GridLevel, Cell, grid_level, to_level, voxel_index, voxel_facings, voxel_distance, cell_plane, cell_area, bounds_low,
+    bounds_high, CELL_MASK, LEAP_BLOCK,
 }
 #import bevy_bounce::shared::octahedral::decode_unit
 
@@ -103,32 +106,36 @@ fn hit_voxel(ray: Ray, word: u32, voxel: vec3<f32>, enter: f32, leave: f32) -> H
     return nearest;
 }
 
-// Where along the ray the box of the grid begins and ends.
-fn clip_to_grid(ray: Ray, inverse: vec3<f32>) -> vec2<f32> {
+// Where along the ray a box of voxels from the origin begins and ends.
+fn clip_to_grid(ray: Ray, inverse: vec3<f32>, dims: vec3<u32>) -> vec2<f32> {
     let a = (vec3<f32>(0.0) - ray.origin) * inverse;
-    let b = (vec3<f32>(grid.dims) - ray.origin) * inverse;
+    let b = (vec3<f32>(dims) - ray.origin) * inverse;
     let low = min(a, b);
     let high = max(a, b);
     return vec2<f32>(max(max(low.x, low.y), max(low.z, 0.0)), min(min(high.x, high.y), min(high.z, ray.length)));
 }
 
-/// The first surface that faces the ray, other than those it stands on.
-fn trace(ray: Ray) -> Hit {
-    let tiny = vec3<f32>(1e-6);
-    let safe = select(ray.direction, select(-tiny, tiny, ray.direction >= vec3<f32>(0.0)), abs(ray.direction) < tiny);
-    let inverse = 1.0 / safe;
+// The ray in voxels of a coarser grid, so many of which are a voxel of the finest.
+fn in_level(ray: Ray, level: GridLevel, ratio: f32) -> Ray {
+    var coarse = ray;
+    coarse.origin = to_level(level, to_world(ray.origin));
+    coarse.length = ray.length * ratio;
+    return coarse;
+}
+
+// The first surface met between two places in one grid, all in its voxels.
+fn walk(ray: Ray, safe: vec3<f32>, inverse: vec3<f32>, level: GridLevel, from_t: f32, end: f32) -> Hit {
     let ahead = select(vec3<f32>(0.0), vec3<f32>(1.0), safe > vec3<f32>(0.0));
-    let span = clip_to_grid(ray, inverse);
-    var t = span.x;
+    var t = from_t;
     var step = 0u;
-    for (; step < MAX_STEPS && t < span.y; step++) {
+    for (; step < MAX_STEPS && t < end; step++) {
         let voxel = floor(ray.origin + safe * (t + NUDGE));
-        if any(voxel < vec3<f32>(0.0)) || any(voxel >= vec3<f32>(grid.dims)) {
+        if any(voxel < vec3<f32>(0.0)) || any(voxel >= vec3<f32>(level.dims)) {
             // On the boundary, by rounding.
             t += NUDGE;
             continue;
         }
-        let word = voxels[voxel_index(grid, vec3<i32>(voxel))];
+        let word = voxels[voxel_index(level, vec3<i32>(voxel))];
         // Edge of the empty cube around the voxel's block, or of the voxel, along the ray.
         let distance = f32(voxel_distance(word));
         let block = floor(voxel / LEAP) * LEAP;
@@ -139,11 +146,47 @@ fn trace(ray: Ray) -> Hit {
         let leave = max(min(exits.x, min(exits.y, exits.z)), t + NUDGE);
         if voxel_facings(word) != 0u {
             let hit = hit_voxel(ray, word, voxel, t, leave);
-            if hit.found && hit.t < span.y {
+            if hit.found && hit.t < end {
                 return Hit(true, hit.t, hit.cell, step + 1u);
             }
         }
         t = leave;
     }
     return Hit(false, ray.length, 0u, step);
+}
+
+/// The first surface that faces the ray, other than those it stands on. Of nested grids each is entered where the next
+/// coarser one is left for it, and left for that again: the way in and the way out of so many boxes within each other.
+fn trace(ray: Ray) -> Hit {
+    let tiny = vec3<f32>(1e-6);
+    let safe = select(ray.direction, select(-tiny, tiny, ray.direction >= vec3<f32>(0.0)), abs(ray.direction) < tiny);
+    let inverse = 1.0 / safe;
+    let coarsest = i32(grid.further_count);
+    var done = 0.0;
+    var steps = 0u;
+    for (var stage = -coarsest; stage <= coarsest; stage++) {
+        let index = u32(abs(stage));
+        let level = grid_level(grid, index);
+        var ratio = 1.0;
+        var own = ray;
+        if index > 0u {
+            ratio = grid.voxel_size / level.voxel_size;
+            own = in_level(ray, level, ratio);
+        }
+        let span = clip_to_grid(own, inverse, level.dims) / ratio;
+        var end = span.y;
+        if stage < 0 {
+            let finer = grid_level(grid, index - 1u);
+            let within = in_level(ray, finer, grid.voxel_size / finer.voxel_size);
+            let inner = clip_to_grid(within, inverse, finer.dims) * (finer.voxel_size / grid.voxel_size);
+            end = select(end, min(end, inner.x), inner.x < inner.y);
+        }
+        let hit = walk(own, safe, inverse, level, max(done, span.x) * ratio, end * ratio);
+        steps += hit.steps;
+        if hit.found {
+            return Hit(true, hit.t / ratio, hit.cell, steps);
+        }
+        done = max(done, end);
+    }
+    return Hit(false, ray.length, 0u, steps);
 }

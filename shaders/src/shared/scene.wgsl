@@ -78,6 +78,28 @@ struct Scene {
     emissive_chunk_count: u32,
     max_emission: f32,
     sky_count: u32,
+    regions: array<Region, 4>,
+    region_count: u32,
+}
+
+struct Region {
+    min: vec3<f32>,
+    weight: f32,
+    max: vec3<f32>,
+    padding: u32,
+}
+
+/// Area of a box's shadow on a plane across that unit direction.
+fn projected_area(region: Region, direction: vec3<f32>) -> f32 {
+    let size = region.max - region.min;
+    return dot(size.yzx * size.zxy, abs(direction));
+}
+
+/// Share of the light at a point that paths are spent on; `inner` is the innermost region. See `scene/regions.rs`.
+fn importance(inner: Region, point: vec3<f32>) -> f32 {
+    let half = 0.5 * (inner.max - inner.min);
+    let distance = abs(point - (inner.min + half)) / max(half, vec3<f32>(1e-30));
+    return pow(max(max(distance.x, distance.y), max(distance.z, 1.0)), -3.0);
 }
 
 /// Where a mesh's UV falls in the material's textures.

@@ -8,7 +8,7 @@
 
 #define_import_path bevy_bounce::vpl::bound
 
-#import bevy_bounce::shared::grid::{Grid, BRICK, brick_dims, brick_index}
+#import bevy_bounce::shared::grid::{Grid, BRICK, grid_level, level_at, to_level, brick_dims, brick_index}
 #import bevy_bounce::vpl::types::VplHeader
 
 @group(0) @binding(5) var<uniform> grid: Grid;
@@ -20,8 +20,9 @@ const LOWEST: f32 = 0.0625;
 
 /// 1/m^2.
 fn geometry_bound(header: VplHeader, position: vec3<f32>) -> f32 {
-    let last = vec3<i32>(brick_dims(grid)) - 1;
-    let place = (position - grid.origin) / (grid.voxel_size * f32(BRICK)) - 0.5;
+    let level = grid_level(grid, level_at(grid, position));
+    let last = vec3<i32>(brick_dims(level)) - 1;
+    let place = to_level(level, position) / f32(BRICK) - 0.5;
     let first = vec3<i32>(floor(place));
     let between = place - floor(place);
     var sum = vec2<f32>(0.0);
@@ -29,7 +30,7 @@ fn geometry_bound(header: VplHeader, position: vec3<f32>) -> f32 {
         let corner = vec3<i32>(i & 1, (i >> 1u) & 1, i >> 2u);
         let weights = select(1.0 - between, between, corner == vec3<i32>(1));
         let brick = vec3<u32>(clamp(first + corner, vec3<i32>(0), last));
-        sum += weights.x * weights.y * weights.z * densities[brick_index(grid, brick)];
+        sum += weights.x * weights.y * weights.z * densities[brick_index(level, brick)];
     }
     return max(sum.x / max(sum.y, 1e-12), LOWEST * header.geometry_bound);
 }

@@ -1,8 +1,13 @@
 // How densely virtual lights lie on the surfaces of each brick of the grid: what the bound of the geometry term follows.
 //
+// Of nested grids, a light counts in each that holds it.
+//
 // Cost: a workgroup a brick, one word a voxel and one a cell.
 
-#import bevy_bounce::shared::grid::{BRICK, brick_dims, brick_index, voxel_index, voxel_facings, cell_area, CELL_MASK}
+#import bevy_bounce::shared::grid::{
+    GridLevel, BRICK, grid_level, level_of_brick, brick_place, voxel_index, voxel_facings, cell_area, CELL_MASK,
+}
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::rays::{grid, voxels, cells}
 #import bevy_bounce::vpl::types::{VplParameters, BRICK_WORDS, BRICK_LIGHTS, LIGHT_SHIFT}
 
@@ -16,11 +21,11 @@ const GROUP: u32 = 64u;
 
 var<workgroup> areas: array<f32, GROUP>;
 
-fn voxel_area(voxel: vec3<u32>) -> f32 {
-    if any(voxel >= grid.dims) {
+fn voxel_area(level: GridLevel, voxel: vec3<u32>) -> f32 {
+    if any(voxel >= level.dims) {
         return 0.0;
     }
-    let word = voxels[voxel_index(grid, vec3<i32>(voxel))];
+    let word = voxels[voxel_index(level, vec3<i32>(voxel))];
     let count = countOneBits(voxel_facings(word));
     var area = 0.0;
     for (var i = 0u; i < count; i++) {
@@ -31,12 +36,12 @@ fn voxel_area(voxel: vec3<u32>) -> f32 {
 
 @compute @workgroup_size(64)
 fn measure_density(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let dims = brick_dims(grid);
-    let brick = vec3<u32>(group.x % dims.x, (group.x / dims.x) % dims.y, group.x / (dims.x * dims.y));
-    let column = brick * BRICK + vec3<u32>(lane % BRICK, lane / BRICK, 0u);
+    let index = folded_index(group);
+    let level = grid_level(grid, level_of_brick(grid, index));
+    let column = brick_place(level, index) * BRICK + vec3<u32>(lane % BRICK, lane / BRICK, 0u);
     var area = 0.0;
     for (var z = 0u; z < BRICK; z++) {
-        area += voxel_area(column + vec3<u32>(0u, 0u, z));
+        area += voxel_area(level, column + vec3<u32>(0u, 0u, z));
     }
     areas[lane] = area;
     workgroupBarrier();
@@ -46,9 +51,8 @@ fn measure_density(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
         }
         workgroupBarrier();
     }
-    if lane == 0u {
-        let index = brick_index(grid, brick);
+    if lane == 0u && index < arrayLength(&densities) {
         let lights = f32(bricks[index * BRICK_WORDS + BRICK_LIGHTS]) / f32(1u << LIGHT_SHIFT);
-        densities[index] = vec2<f32>(lights * parameters.bound_scale, areas[0] * grid.voxel_size * grid.voxel_size);
+        densities[index] = vec2<f32>(lights * parameters.bound_scale, areas[0] * level.voxel_size * level.voxel_size);
     }
 }

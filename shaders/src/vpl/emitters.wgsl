@@ -4,7 +4,7 @@
 // Cost: one thread a triangle of the emissive meshes, then one workgroup over all of them.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::scene::{Chunk, Scene, CHUNK_TRIANGLES}
+#import bevy_bounce::shared::scene::{Chunk, Scene, importance, CHUNK_TRIANGLES}
 #import bevy_bounce::shared::triangles::{load_triangle, surface_emission}
 #import bevy_bounce::vpl::types::{Emitter, VplParameters, luminance}
 #import bevy_bounce::shared::sampling::PI
@@ -39,6 +39,9 @@ fn collect(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         emitter.two_sided = select(0u, 1u, t.two_sided);
         emitter.flux = mean * (PI * area * sides);
         emitter.cumulative_power = luminance(emitter.flux);
+        if scene.region_count > 1u {
+            emitter.cumulative_power *= importance(scene.regions[0], (t.a + t.b + t.c) / 3.0);
+        }
     }
     emitters[index * CHUNK_TRIANGLES + lane] = emitter;
 }

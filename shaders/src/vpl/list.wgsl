@@ -13,7 +13,7 @@
 // Cost: one workgroup adds up the weights, four loads and an atomic addition a vertex; then a thread a light, two loads a vertex.
 
 #import bevy_bounce::shared::groups::exclusive_scan
-#import bevy_bounce::shared::grid::{Grid, brick_at, COUNTER_AREA}
+#import bevy_bounce::shared::grid::{Grid, grid_level, level_at, brick_at, COUNTER_AREA}
 #import bevy_bounce::shared::sampling::{hash, unit_float}
 #import bevy_bounce::vpl::types::{
     Vpl, VplParameters, VplHeader, SUBSETS, MET, BRICK_WORDS, BRICK_VERTICES, BRICK_LIGHTS, LIGHT_SHIFT,
@@ -52,30 +52,31 @@ fn total(value: f32, lane: u32) -> f32 {
     return float_scratch[0];
 }
 
-// First word of what is known of the brick that a vertex is in.
-fn brick_of(vertex: Vpl) -> u32 {
-    return brick_at(grid, (vertex.position - grid.origin) / grid.voxel_size) * BRICK_WORDS;
+// First word of what is known of the brick of a grid that a vertex is in.
+fn brick_of(vertex: Vpl, level: u32) -> u32 {
+    return brick_at(grid_level(grid, level), vertex.position) * BRICK_WORDS;
 }
 
-fn weight_of(vertex: Vpl) -> f32 {
-    let around = f32(atomicLoad(&bricks[brick_of(vertex) + BRICK_VERTICES]));
+fn weight_of(vertex: Vpl, level: u32) -> f32 {
+    let around = f32(atomicLoad(&bricks[brick_of(vertex, level) + BRICK_VERTICES]));
     let onward = select(OPEN_WEIGHT, 1.0, (vertex.bounce_met & MET) != 0u);
     return onward * pow(max(around, 1.0), -1.0 / 3.0);
 }
 
-// See `bound.wgsl`; here for the lights and the area of the whole scene.
-fn mean_bound(count: u32) -> f32 {
+// See `bound.wgsl`; here for the lights and the area of the whole of the finest grid.
+fn mean_bound(count: f32) -> f32 {
     let area = f32(counters[COUNTER_AREA]) / 256.0 * grid.voxel_size * grid.voxel_size;
-    return parameters.bound_scale * f32(count) / max(area, 1e-12);
+    return parameters.bound_scale * count / max(area, 1e-12);
 }
 
-fn write_header(count: u32) {
+// `finest`: what part of the lights is in the finest grid.
+fn write_header(count: u32, finest: f32) {
     for (var subset = 0u; subset <= SUBSETS; subset++) {
         header.subset_start[subset] = subset * (count / SUBSETS) + min(subset, count % SUBSETS);
     }
     header.count = count;
     header.path_count = parameters.path_count;
-    header.geometry_bound = mean_bound(count);
+    header.geometry_bound = mean_bound(f32(count) * finest);
 }
 
 @compute @workgroup_size(256)
@@ -85,17 +86,27 @@ fn scan_weights(@builtin(local_invocation_index) lane: u32) {
     let first = min(lane * chunk, count);
     let end = min(first + chunk, count);
     var weight = 0.0;
+    var finest = 0.0;
     for (var i = first; i < end; i++) {
-        let own = weight_of(vertices[pairs[i].y]);
+        let vertex = vertices[pairs[i].y];
+        let level = level_at(grid, vertex.position);
+        let own = weight_of(vertex, level);
         starts[i] = bitcast<u32>(own);
         weight += own;
+        finest += select(0.0, own, level == 0u);
     }
+    let whole = max(total(weight, lane), 1e-30);
+    workgroupBarrier();
+    let finest_part = total(finest, lane) / whole;
     // One place is left for what rounding adds.
-    let scale = f32((parameters.capacity - 1u) << LIGHT_SHIFT) / max(total(weight, lane), 1e-30);
+    let scale = f32((parameters.capacity - 1u) << LIGHT_SHIFT) / whole;
     var sum = 0u;
     for (var i = first; i < end; i++) {
         let own = u32(min(bitcast<f32>(starts[i]) * scale, f32(1u << LIGHT_SHIFT)));
-        atomicAdd(&bricks[brick_of(vertices[pairs[i].y]) + BRICK_LIGHTS], own);
+        let vertex = vertices[pairs[i].y];
+        for (var level = level_at(grid, vertex.position); level <= grid.further_count; level++) {
+            atomicAdd(&bricks[brick_of(vertex, level) + BRICK_LIGHTS], own);
+        }
         starts[i] = sum;
         sum += own;
     }
@@ -104,9 +115,9 @@ fn scan_weights(@builtin(local_invocation_index) lane: u32) {
         starts[i] += before;
     }
     if lane == 0u && count == 0u {
-        write_header(0u);
+        write_header(0u, 1.0);
     } else if end == count && first < end {
-        write_header(min((starts[count - 1u] >> LIGHT_SHIFT) + 1u, parameters.capacity));
+        write_header(min((starts[count - 1u] >> LIGHT_SHIFT) + 1u, parameters.capacity), finest_part);
     }
 }
 

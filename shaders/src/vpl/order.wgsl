@@ -1,10 +1,10 @@
-// Vertices of the paths, in an order in which neighbours are neighbours in space and look the same way: by facing, then along
-// a Hilbert curve. Here the keys; the sort is `sort/radix.wgsl`.
+// Vertices of the paths, in an order in which neighbours are neighbours in space and look the same way: of nested grids by the
+// one they are in, then by facing, then along a Hilbert curve. Here the keys; the sort is `sort/radix.wgsl`.
 //
 // Cost: a vertex is read once; one workgroup adds up the lengths of the paths.
 
 #import bevy_bounce::shared::groups::exclusive_scan
-#import bevy_bounce::shared::grid::{Grid, facing_of}
+#import bevy_bounce::shared::grid::{Grid, grid_level, level_at, facing_of}
 #import bevy_bounce::shared::hilbert::{hilbert_index, HILBERT_BITS}
 #import bevy_bounce::vpl::types::{Vpl, Path, VplParameters, vertex_slot}
 
@@ -18,6 +18,7 @@
 @group(0) @binding(5) var<storage, read_write> pairs: array<vec2<u32>>;
 
 const GROUP: u32 = 256u;
+const FACINGS: u32 = 6u;
 
 @compute @workgroup_size(256)
 fn scan_paths(@builtin(local_invocation_index) lane: u32) {
@@ -38,10 +39,17 @@ fn scan_paths(@builtin(local_invocation_index) lane: u32) {
 }
 
 fn key(vpl: Vpl) -> u32 {
-    let edge = f32(max(grid.dims.x, max(grid.dims.y, grid.dims.z))) * grid.voxel_size;
+    let index = level_at(grid, vpl.position);
+    let level = grid_level(grid, index);
+    let edge = f32(max(level.dims.x, max(level.dims.y, level.dims.z))) * level.voxel_size;
     let cells = f32(1u << HILBERT_BITS);
-    let cell = clamp((vpl.position - grid.origin) / edge * cells, vec3<f32>(0.0), vec3<f32>(cells - 1.0));
-    return (facing_of(vpl.normal) << (3u * HILBERT_BITS)) | hilbert_index(vec3<u32>(cell));
+    var cell = clamp((vpl.position - level.origin) / edge * cells, vec3<f32>(0.0), vec3<f32>(cells - 1.0));
+    if index < grid.further_count {
+        // What moves with the camera: cells that stay where they are in the world, on a curve that begins anew after two edges, so
+        // that it brings nothing together that lies apart.
+        cell = floor(fract(vpl.position / (2.0 * edge)) * cells);
+    }
+    return (((index * FACINGS) + facing_of(vpl.normal)) << (3u * HILBERT_BITS)) | hilbert_index(vec3<u32>(cell));
 }
 
 @compute @workgroup_size(64)

@@ -3,7 +3,7 @@
 //
 // Cost: one thread a light.
 
-#import bevy_bounce::shared::grid::{Grid, brick_at}
+#import bevy_bounce::shared::grid::{Grid, grid_level, level_at, brick_at}
 #import bevy_bounce::vpl::types::{
     Vpl, VplHeader, MET, BRICK_WORDS, BRICK_FIRST, MEETING_WORDS, MEETING_NONE, incoming_direction, incoming_reach,
     meeting_distance, meeting_normal,
@@ -27,7 +27,7 @@ fn file_lights(@builtin(global_invocation_id) id: vec3<u32>) {
     meetings[light * MEETING_WORDS] = MEETING_NONE;
     // What lies on an emissive triangle is where it belongs.
     if (vpl.bounce_met & ~MET) != 0u {
-        let brick = brick_at(grid, (vpl.position - grid.origin) / grid.voxel_size);
+        let brick = brick_at(grid_level(grid, level_at(grid, vpl.position)), vpl.position);
         meetings[light * MEETING_WORDS + 1u] = atomicExchange(&bricks[brick * BRICK_WORDS + BRICK_FIRST], light + 1u);
     }
 }
@@ -40,7 +40,8 @@ fn set_lights(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let meeting = meetings[light * MEETING_WORDS];
     let incoming = vpls[light].incoming;
-    let way = (meeting_distance(meeting) - incoming_reach(incoming)) * grid.voxel_size;
+    let level = grid_level(grid, level_at(grid, vpls[light].position));
+    let way = (meeting_distance(meeting) - incoming_reach(incoming)) * level.voxel_size;
     vpls[light].position += incoming_direction(incoming) * way;
     vpls[light].normal = meeting_normal(meeting);
 }

@@ -3,10 +3,12 @@
 //
 // Each triangle of the scene looks for the lights of the bricks around it (see `places.wgsl`).
 //
-// Cost: one thread a triangle, a load and about 20 operations for each brick within reach, as much for each light in
+// Of nested grids each has its own lights, and its own voxels for their reach: triangles look for them in each.
+//
+// Cost: one thread a triangle, for each grid a load and about 20 operations for each brick within reach, as much for each light in
 // these, and about 60 more for each whose stretch of path lies in the triangle's box.
 
-#import bevy_bounce::shared::grid::{Grid, BRICK, brick_dims, brick_index}
+#import bevy_bounce::shared::grid::{Grid, GridLevel, BRICK, grid_level, to_level, brick_dims, brick_index}
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::scene::{Chunk, Scene}
 #import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_albedo, is_masked_out}
@@ -23,7 +25,9 @@
 // `MEETING_WORDS` a light: the nearest meeting, the next light of its brick.
 @group(0) @binding(9) var<storage, read_write> meetings: array<atomic<u32>>;
 
-// Positions in voxels.
+// The grid that lights are looked for in; positions in its voxels.
+var<private> level: GridLevel;
+
 struct Box {
     low: vec3<f32>,
     high: vec3<f32>,
@@ -39,7 +43,7 @@ struct Way {
 fn way_of(vpl: Vpl) -> Way {
     let direction = incoming_direction(vpl.incoming);
     let before = incoming_reach(vpl.incoming);
-    let start = (vpl.position - grid.origin) / grid.voxel_size - direction * before;
+    let start = to_level(level, vpl.position) - direction * before;
     return Way(start, direction, before + SETTLE_RANGE);
 }
 
@@ -82,26 +86,16 @@ fn is_near_plane(t: Triangle, brick: vec3<i32>) -> bool {
 }
 
 fn try_brick(brick: vec3<i32>, t: Triangle, box: Box) {
-    var next = bricks[brick_index(grid, vec3<u32>(brick)) * BRICK_WORDS + BRICK_FIRST];
+    var next = bricks[brick_index(level, vec3<u32>(brick)) * BRICK_WORDS + BRICK_FIRST];
     while next != 0u {
         try_light(next - 1u, t, box);
         next = atomicLoad(&meetings[(next - 1u) * MEETING_WORDS + 1u]);
     }
 }
 
-@compute @workgroup_size(64)
-fn meet_triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = folded_index(group);
-    if index >= scene.chunk_count {
-        return;
-    }
-    let chunk = chunks[index];
-    let t = load_triangle(chunk.instance, chunk.first_triangle + lane, grid.origin, grid.voxel_size);
-    if !t.valid {
-        return;
-    }
+fn look_for_lights(t: Triangle) {
     let box = Box(min(t.a, min(t.b, t.c)), max(t.a, max(t.b, t.c)));
-    let last = vec3<i32>(brick_dims(grid)) - 1;
+    let last = vec3<i32>(brick_dims(level)) - 1;
     let from_brick = clamp(vec3<i32>(floor((box.low - SETTLE_RANGE) / f32(BRICK))), vec3<i32>(0), last);
     let to_brick = clamp(vec3<i32>(floor((box.high + SETTLE_RANGE) / f32(BRICK))), vec3<i32>(0), last);
     for (var z = from_brick.z; z <= to_brick.z; z++) {
@@ -112,6 +106,22 @@ fn meet_triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
                     try_brick(brick, t, box);
                 }
             }
+        }
+    }
+}
+
+@compute @workgroup_size(64)
+fn meet_triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = folded_index(group);
+    if index >= scene.chunk_count {
+        return;
+    }
+    let chunk = chunks[index];
+    for (var i = 0u; i <= grid.further_count; i++) {
+        level = grid_level(grid, i);
+        let t = load_triangle(chunk.instance, chunk.first_triangle + lane, level.origin, level.voxel_size);
+        if t.valid {
+            look_for_lights(t);
         }
     }
 }

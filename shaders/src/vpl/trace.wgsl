@@ -5,16 +5,19 @@
 // (the largest of red, green and blue), so that all virtual lights carry about the same flux, but for those of directional
 // lights: see `start_directional`. Paths follow one sequence, the same every frame.
 //
+// Where the scene has regions (see `Scene`), paths of directional lights start in each: as many as its weight and the area that is
+// lit there say, so that most are near the cameras.
+//
 // Cost: one thread a path; a ray through the grid a bounce, and up to sixteen before for a path from a directional light.
 
-#import bevy_bounce::shared::grid::{Cell, brick_at}
+#import bevy_bounce::shared::grid::{Cell, grid_level, level_at, brick_at}
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_area, rect_point}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, cells, trace, to_grid, to_world, Ray, Hit}
 #import bevy_bounce::shared::sampling::{
     sample_square, cosine_direction, cone_direction, disk_point, triangle_point, any_tangent, PI,
 }
-#import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT, CHUNK_TRIANGLES}
+#import bevy_bounce::shared::scene::{Light, Scene, Region, projected_area, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT, CHUNK_TRIANGLES}
 #import bevy_bounce::vpl::types::{
     Vpl, Path, Emitter, VplParameters, MET, BRICK_WORDS, BRICK_VERTICES, SETTLE_RANGE, vertex_slot, pack_incoming,
 }
@@ -144,17 +147,67 @@ fn start_at_light(index: u32, first: u32, path: u32, total: f32) -> Photon {
     return photon;
 }
 
-// Projected areas of the faces of the scene's bounds that are turned to a light.
-fn lit_areas(light: Light) -> vec3<f32> {
-    let size = scene.bounds_max - scene.bounds_min;
+// Projected areas of the faces of a box that are turned to a light.
+fn lit_areas(region: Region, light: Light) -> vec3<f32> {
+    let size = region.max - region.min;
     return size.yzx * size.zxy * abs(light.direction);
 }
 
-// A point on a plane before one of the three faces turned to the light, in proportion to their projected areas.
-fn start_on_bounds(light: Light, square: vec2<f32>) -> vec3<f32> {
-    let size = scene.bounds_max - scene.bounds_min;
-    let areas = lit_areas(light);
-    var pick = square.x * (areas.x + areas.y + areas.z);
+// The same of all regions, each with its weight.
+fn weighted_area(light: Light) -> f32 {
+    var sum = 0.0;
+    for (var i = 0u; i < scene.region_count; i++) {
+        sum += scene.regions[i].weight * projected_area(scene.regions[i], light.direction);
+    }
+    return sum;
+}
+
+// Sum of the weights of the regions that a line along the light goes through: of their lit areas, times this, paths have their
+// starts.
+fn start_density(light: Light, point: vec3<f32>) -> f32 {
+    if scene.region_count == 1u {
+        return scene.regions[0].weight;
+    }
+    let tiny = vec3<f32>(1e-6);
+    let inverse = 1.0 / select(light.direction, tiny, abs(light.direction) < tiny);
+    var density = 0.0;
+    for (var i = 0u; i < scene.region_count; i++) {
+        let a = (scene.regions[i].min - point) * inverse;
+        let b = (scene.regions[i].max - point) * inverse;
+        let low = min(a, b);
+        let high = max(a, b);
+        let is_met = max(low.x, max(low.y, low.z)) <= min(high.x, min(high.y, high.z));
+        density += select(0.0, scene.regions[i].weight, is_met);
+    }
+    return density;
+}
+
+// The region that a path starts in, chosen in proportion to weight and lit area; the number that chose is even again.
+fn choose_region(light: Light, chance: ptr<function, f32>) -> u32 {
+    var left = *chance * weighted_area(light);
+    var i = 0u;
+    loop {
+        let own = scene.regions[i].weight * projected_area(scene.regions[i], light.direction);
+        if left < own || i + 1u >= scene.region_count {
+            *chance = clamp(left / max(own, 1e-30), 0.0, 1.0);
+            return i;
+        }
+        left -= own;
+        i++;
+    }
+    return 0u;
+}
+
+// A point on a plane before one of the three faces of a region that are turned to the light, in proportion to their projected
+// areas. A region that moves with the camera has its points where they are in the world: those that it leaves behind on one
+// side come in on the other.
+fn start_on_region(light: Light, square: vec2<f32>) -> vec3<f32> {
+    var chance = square.x;
+    let index = choose_region(light, &chance);
+    let region = scene.regions[index];
+    let size = region.max - region.min;
+    let areas = lit_areas(region, light);
+    var pick = chance * (areas.x + areas.y + areas.z);
     var axis = 2u;
     if pick < areas.x {
         axis = 0u;
@@ -164,11 +217,28 @@ fn start_on_bounds(light: Light, square: vec2<f32>) -> vec3<f32> {
     } else {
         pick -= areas.x + areas.y;
     }
-    var point = vec3<f32>(0.0);
-    point[axis] = select(0.0, 1.0, light.direction[axis] < 0.0);
-    point[(axis + 1u) % 3u] = clamp(pick / max(areas[axis], 1e-30), 0.0, 1.0);
-    point[(axis + 2u) % 3u] = square.y;
-    return scene.bounds_min + point * size - light.direction * grid.voxel_size;
+    var place = vec3<f32>(0.0);
+    place[axis] = select(0.0, 1.0, light.direction[axis] < 0.0);
+    place[(axis + 1u) % 3u] = clamp(pick / max(areas[axis], 1e-30), 0.0, 1.0);
+    place[(axis + 2u) % 3u] = square.y;
+    if index + 1u < scene.region_count {
+        // Where the lines through the region's corner cross the plane through the world's origin.
+        let face = region.min[axis] + place[axis] * size[axis];
+        let low = region.min - light.direction * (face / light.direction[axis]);
+        let kept = place[axis];
+        place = fract(place - low / size);
+        place[axis] = kept;
+    }
+    let point = region.min + place * size;
+    return point - light.direction * (way_out(light, point) + grid.voxel_size);
+}
+
+// How far it is from a point against the light to the outside of all.
+fn way_out(light: Light, point: vec3<f32>) -> f32 {
+    let face = select(scene.bounds_min, scene.bounds_max, light.direction < vec3<f32>(0.0));
+    let ways = (point - face) / select(light.direction, vec3<f32>(1e-6), abs(light.direction) < vec3<f32>(1e-6));
+    let ahead = select(ways, vec3<f32>(1e30), abs(light.direction) < vec3<f32>(1e-6));
+    return max(min(ahead.x, min(ahead.y, ahead.z)), 0.0);
 }
 
 // What is hoped of a path that starts there: most where its light is reflected onto something.
@@ -188,18 +258,17 @@ fn promise(start: vec3<f32>, direction: vec3<f32>, candidate: u32) -> f32 {
     return select(OPEN_PROMISE, 1.0, trace(ray).found);
 }
 
-// From the shadow of the scene's bounds, at one of a few places, which is chosen in proportion to what is hoped of it: most of a
+// From the shadow of the regions, at one of a few places, which is chosen in proportion to what is hoped of it: most of a
 // sun's light falls onto roofs, and what is seen is below them. Each path has its own few, so that those whose
 // surroundings stay the same start where they did. Resampled importance sampling, Talbot et al. 2005.
 fn start_directional(photon: ptr<function, Photon>, light: Light, path: u32, weight: f32) {
-    let areas = lit_areas(light);
     let pick = sample_square(path, DIMENSION_CHOICE).x;
     var sum = 0.0;
     var left = pick;
     var chosen = 0.0;
     for (var i = 0u; i < CANDIDATES; i++) {
         let candidate = path * CANDIDATES + i;
-        let start = start_on_bounds(light, sample_square(candidate, DIMENSION_POSITION));
+        let start = start_on_region(light, sample_square(candidate, DIMENSION_POSITION));
         let own = promise(start, light.direction, candidate);
         sum += own;
         // One random number serves all choices: what of it is left over by one is even again.
@@ -214,7 +283,8 @@ fn start_directional(photon: ptr<function, Photon>, light: Light, path: u32, wei
     }
     (*photon).direction = light.direction;
     let mean = sum / f32(CANDIDATES);
-    (*photon).flux = light.color * ((areas.x + areas.y + areas.z) * weight * mean / chosen);
+    let area = weighted_area(light) / start_density(light, (*photon).position);
+    (*photon).flux = light.color * (area * weight * mean / chosen);
 }
 
 fn start_at_emitter(index: u32, path: u32, total: f32) -> Photon {
@@ -237,7 +307,8 @@ fn start_at_emitter(index: u32, path: u32, total: f32) -> Photon {
 }
 
 fn store(path: u32, index: u32, bounce_met: u32, photon: Photon, incoming: u32) {
-    atomicAdd(&bricks[brick_at(grid, to_grid(photon.position)) * BRICK_WORDS + BRICK_VERTICES], 1u);
+    let level = grid_level(grid, level_at(grid, photon.position));
+    atomicAdd(&bricks[brick_at(level, photon.position) * BRICK_WORDS + BRICK_VERTICES], 1u);
     vertices[vertex_slot(parameters, path, index)] =
         Vpl(photon.position, bounce_met, photon.normal, path, photon.flux, incoming);
 }
@@ -281,7 +352,9 @@ fn follow(path: u32, start: Photon) -> u32 {
         photon.normal = decode_unit(cell.normal);
         // Where the last one's light goes is not looked at.
         let onward = select(0u, MET, bounce == bounces);
-        store(path, count, bounce | onward, photon, pack_incoming(photon.direction, min(hit.t, SETTLE_RANGE)));
+        let level = grid_level(grid, level_at(grid, photon.position));
+        let way = hit.t * grid.voxel_size / level.voxel_size;
+        store(path, count, bounce | onward, photon, pack_incoming(photon.direction, min(way, SETTLE_RANGE)));
         count++;
         photon.direction = cosine_direction(photon.normal, sample_square(path, DIMENSION_BOUNCE + 2u * bounce + 1u));
     }

@@ -62,6 +62,7 @@ fn frames_are_the_same_to_the_byte_and_follow_every_change() {
     // Every setting is live, and going back gives the first picture again.
     let changed = [
         ("grid", GiSettings { grid: 24, ..SMALL }),
+        ("range", GiSettings { range: 1.0, ..SMALL }),
         ("vpls", GiSettings { vpls: 512, ..SMALL }),
         ("bounces", GiSettings { bounces: 2, ..SMALL }),
         ("visibility", GiSettings { visibility: VplVisibility::None, ..SMALL }),

@@ -311,7 +311,7 @@ fn the_prefix_sum_is_exact() {
             let count = dims.element_product() as usize;
             let mark = |random: &mut Random| if random.below(16) < density { random.below(64) } else { 0 };
             let facings: Vec<u32> = (0..count).map(|_| mark(&mut random)).collect();
-            let grid = Grid { origin: Vec3::ZERO, voxel_size: 1.0, dims, cell_capacity: 6 * count as u32 };
+            let grid = Grid { voxel_size: 1.0, dims, cell_capacity: 6 * count as u32, ..Default::default() };
             let marked: Vec<u32> = facings.iter().map(|facings| facings << 22).collect();
             let blocks = count.div_ceil(1024);
             let resources = Resources::new(gpu())
@@ -345,7 +345,7 @@ fn distances_are_those_to_the_nearest_block_with_a_marked_voxel() {
         let count = dims.element_product() as usize;
         let mut voxels = vec![0; count];
         (0..marks).for_each(|_| voxels[random.below(count as u32) as usize] = 1 << 22);
-        let grid = Grid { origin: Vec3::ZERO, voxel_size: 1.0, dims, cell_capacity: 1 };
+        let grid = Grid { voxel_size: 1.0, dims, cell_capacity: 1, ..Default::default() };
         let resources = Resources::new(gpu())
             .uniform("grid", &grid)
             .words("voxels", &voxels)

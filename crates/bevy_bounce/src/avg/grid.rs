@@ -1,13 +1,12 @@
-//! Where the grid lies, and its buffers.
+//! Where the grids lie, and their buffers.
 
-use bevy::math::bounding::Aabb3d;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy_bounce_shaders::types::{Cell, Grid};
+use bevy_bounce_shaders::types::{Cell, FURTHER_LEVELS, Grid, GridLevel};
 
 use crate::compute::MAX_WORKGROUPS;
-use crate::scene::SceneBuffers;
+use crate::scene::{Bounds, SceneBuffers};
 use crate::settings::GiWorldSettings;
 
 /// Words of a cell's sums. See `SUM_WORDS` in `shared/grid.wgsl`.
@@ -28,10 +27,10 @@ const SIZE_STEPS: f32 = 16.0;
 /// Where a lattice lies within its steps, so that the round numbers walls stand at are not on it.
 pub(crate) const PHASE: Vec3 = Vec3::new(0.37, 0.31, 0.43);
 
-/// The voxel grid on the GPU.
+/// The voxel grids on the GPU, one within the other, each buffer for all of them.
 #[derive(Resource)]
 pub(crate) struct VoxelGrid {
-    /// Where it lies.
+    /// Where they lie.
     pub grid: Grid,
     /// The same as a uniform.
     pub uniform: UniformBuffer<Grid>,
@@ -56,15 +55,16 @@ pub(crate) struct VoxelGrid {
     /// Workgroups that take them.
     pub brick_workgroups: Buffer,
     edge: u32,
+    levels: usize,
 }
 
 impl VoxelGrid {
-    fn new(device: &RenderDevice, edge: u32) -> Self {
-        let voxels = u64::from(edge).pow(3);
+    fn new(device: &RenderDevice, edge: u32, levels: usize) -> Self {
+        let voxels = u64::from(edge).pow(3) * levels as u64;
         let limit = device.limits().max_storage_buffer_binding_size;
         let cells = (voxels / 2).min(MAX_CELLS).min(limit / (SUM_WORDS * 4));
         // Blocks round up on every axis: of a grid one voxel thin there are as many as half the voxels.
-        let leaps = voxels / 2 + 1;
+        let leaps = voxels / 2 + levels as u64;
         let with_usage = |label, size: u64, usage| {
             let usage = usage | BufferUsages::STORAGE;
             device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
@@ -84,22 +84,35 @@ impl VoxelGrid {
             queue: buffer("bounce_voxel_queue", 4 + QUEUE_ENTRIES * 12),
             brick_workgroups: with_usage("bounce_brick_workgroups", 12, BufferUsages::INDIRECT),
             edge,
+            levels,
         }
+    }
+
+    /// Grids within each other.
+    pub fn level_count(&self) -> u32 {
+        self.levels as u32
+    }
+
+    // Where a level after the last would begin.
+    fn end(&self) -> GridLevel {
+        let grid = &self.grid;
+        let after_finest = after(&GridLevel { dims: grid.dims, ..default() });
+        grid.further[..grid.further_count as usize].last().map_or(after_finest, after)
     }
 
     /// Blocks of 2^3 voxels. See `leap_dims` in `shared/grid.wgsl`.
     pub fn leap_count(&self) -> u32 {
-        self.grid.dims.map(|voxels| voxels.div_ceil(LEAP_BLOCK)).element_product()
+        self.end().first_block
     }
 
     /// Bricks of 8^3 voxels. See `brick_index` in `shared/grid.wgsl`.
-    pub fn brick_count(&self) -> u64 {
-        self.grid.dims.map(|voxels| voxels.div_ceil(BRICK)).as_u64vec3().element_product()
+    pub fn brick_count(&self) -> u32 {
+        self.end().first_brick
     }
 
     /// Blocks of the prefix sum.
     pub fn block_count(&self) -> u32 {
-        self.edge.pow(3).div_ceil(BLOCK_VOXELS)
+        (self.edge.pow(3) * self.level_count()).div_ceil(BLOCK_VOXELS)
     }
 
     /// Names and sizes of what is held on the GPU, bytes.
@@ -114,7 +127,7 @@ impl VoxelGrid {
     }
 }
 
-/// Places the grid and keeps its buffers.
+/// Places the grids and keeps their buffers.
 pub(crate) fn prepare_grid(
     mut commands: Commands,
     device: Res<RenderDevice>,
@@ -124,8 +137,9 @@ pub(crate) fn prepare_grid(
     grid: Option<ResMut<VoxelGrid>>,
 ) {
     let (Some(settings), Some(scene)) = (settings.0, scene) else { return };
+    let regions = scene.regions();
     let place = |grid: &mut VoxelGrid| {
-        let placed = fit(scene.bounds(), settings.grid);
+        let placed = nest(regions, settings.grid);
         let placed = Grid { cell_capacity: grid.grid.cell_capacity, ..placed };
         if placed != grid.grid || grid.uniform.buffer().is_none() {
             grid.grid = placed;
@@ -133,47 +147,91 @@ pub(crate) fn prepare_grid(
             grid.uniform.write_buffer(&device, &queue);
         }
     };
+    let levels = regions.len().max(1);
     match grid {
-        Some(mut grid) if grid.edge == settings.grid => place(&mut grid),
+        Some(mut grid) if (grid.edge, grid.levels) == (settings.grid, levels) => place(&mut grid),
         _ => {
-            let mut grid = VoxelGrid::new(&device, settings.grid);
+            let mut grid = VoxelGrid::new(&device, settings.grid, levels);
             place(&mut grid);
             commands.insert_resource(grid);
         }
     }
 }
 
-/// Cubic voxels over the bounds, `edge`^3 at most, with an empty one all round. A function of its arguments alone, so that
-/// a frame does not depend on those before it; origin and size go in steps, so that a moving object does not make the grid
-/// swim.
-pub(crate) fn fit(bounds: Option<Aabb3d>, edge: u32) -> Grid {
-    let (min, max) = match bounds {
-        Some(bounds) => (Vec3::from(bounds.min), Vec3::from(bounds.max)),
-        None => (Vec3::ZERO, Vec3::ZERO),
-    };
-    let extent = (max - min).max_element().max(1e-4 * max.abs().max(min.abs()).max_element()).max(1e-6);
+/// A grid over each region; all but the last move with the cameras.
+fn nest(regions: &[Bounds], edge: u32) -> Grid {
+    let [inner @ .., all] = regions else { return fit(&Bounds::EMPTY, edge) };
+    let mut levels = inner.iter().map(|region| fit_moving(region, edge)).chain([fit(all, edge)]);
+    let mut grid = levels.next().unwrap_or_default();
+    let mut last = GridLevel { dims: grid.dims, ..default() };
+    for (slot, level) in grid.further.iter_mut().zip(levels) {
+        let Grid { origin, voxel_size, dims, .. } = level;
+        last = GridLevel { origin, voxel_size, dims, ..after(&last) };
+        *slot = last;
+    }
+    grid.further_count = inner.len().min(FURTHER_LEVELS) as u32;
+    grid
+}
+
+/// A level that begins where another ends.
+fn after(level: &GridLevel) -> GridLevel {
+    let count = |edge: u32| level.dims.map(|voxels| voxels.div_ceil(edge)).element_product();
+    GridLevel {
+        first_voxel: level.first_voxel + level.dims.element_product(),
+        first_brick: level.first_brick + count(BRICK),
+        first_block: level.first_block + count(LEAP_BLOCK),
+        ..default()
+    }
+}
+
+/// Largest edge of some bounds, above 0.
+fn extent_of(min: Vec3, max: Vec3) -> f32 {
+    (max - min).max_element().max(1e-4 * max.abs().max(min.abs()).max_element()).max(1e-6)
+}
+
+/// The first of the sizes in steps at which a grid of `edge`^3 voxels at most, and no more than four edges long, is large enough.
+fn first_fitting<T>(extent: f32, edge: u32, place: impl Fn(f32) -> (UVec3, T)) -> (f32, UVec3, T) {
     let budget = u64::from(edge).pow(3);
     // Even a line of voxels cannot be longer than four edges: start below the smallest size possible.
     let mut step = (SIZE_STEPS * (extent / (4.0 * edge as f32)).log2()).floor();
     loop {
         let size = (step / SIZE_STEPS).exp2();
-        let low = (min / size - 1.0 - PHASE).floor() + PHASE;
-        let dims = ((max / size - low).ceil() + 1.0).as_uvec3();
-        let count = dims.as_u64vec3().element_product();
-        if dims.max_element() <= 4 * edge && count <= budget {
-            return Grid { origin: low * size, voxel_size: size, dims, cell_capacity: 0 };
+        let (dims, placed) = place(size);
+        if dims.max_element() <= 4 * edge && dims.as_u64vec3().element_product() <= budget {
+            return (size, dims, placed);
         }
         step += 1.0;
     }
 }
 
+/// Cubic voxels over the bounds, `edge`^3 at most, with an empty one all round. A function of its arguments alone, so that
+/// a frame does not depend on those before it; origin and size go in steps, so that a moving object does not make the grid
+/// swim.
+pub(crate) fn fit(bounds: &Bounds, edge: u32) -> Grid {
+    let (min, max) = if bounds.is_empty() { (Vec3::ZERO, Vec3::ZERO) } else { (bounds.min, bounds.max) };
+    let (voxel_size, dims, low) = first_fitting(extent_of(min, max), edge, |size| {
+        let low = (min / size - 1.0 - PHASE).floor() + PHASE;
+        (((max / size - low).ceil() + 1.0).as_uvec3(), low)
+    });
+    Grid { origin: low * voxel_size, voxel_size, dims, ..default() }
+}
+
+/// The same for bounds that move and keep their size: the voxels keep theirs, too, and the grid moves by whole bricks, so that
+/// what is known of a brick stays with its place in the world.
+fn fit_moving(bounds: &Bounds, edge: u32) -> Grid {
+    let size = bounds.max - bounds.min;
+    let brick = BRICK as f32;
+    let (voxel_size, dims, ()) = first_fitting(extent_of(Vec3::ZERO, size), edge, |voxel| {
+        // An empty voxel on either side, and one less than a brick for where the bounds begin.
+        (((size / voxel).ceil() + 2.0 + brick).as_uvec3(), ())
+    });
+    let low = ((bounds.min / voxel_size - 1.0 - PHASE) / brick).floor() * brick + PHASE;
+    Grid { origin: low * voxel_size, voxel_size, dims, ..default() }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn bounds(min: Vec3, max: Vec3) -> Option<Aabb3d> {
-        Some(Aabb3d::new((min + max) * 0.5, (max - min) * 0.5))
-    }
 
     #[test]
     fn grid_holds_the_bounds_with_a_border() {
@@ -183,7 +241,7 @@ mod tests {
             (Vec3::new(1000.0, 5.0, 3.0), Vec3::new(1000.0, 5.0, 3.0)),
             (Vec3::ZERO, Vec3::new(1e4, 0.0, 1e4)),
         ] {
-            let grid = fit(bounds(min, max), 64);
+            let grid = fit(&Bounds { min, max }, 64);
             let low = (min - grid.origin) / grid.voxel_size;
             let high = (max - grid.origin) / grid.voxel_size;
             assert!(low.cmpge(Vec3::splat(0.9)).all(), "{grid:?} {low}");
@@ -194,15 +252,46 @@ mod tests {
 
     #[test]
     fn grid_stays_while_the_bounds_move_a_little() {
-        let a = fit(bounds(Vec3::splat(-2.8), Vec3::new(2.8, 2.8, 2.80)), 64);
-        let b = fit(bounds(Vec3::splat(-2.8), Vec3::new(2.8, 2.8, 2.81)), 64);
+        let a = fit(&Bounds { min: Vec3::splat(-2.8), max: Vec3::new(2.8, 2.8, 2.80) }, 64);
+        let b = fit(&Bounds { min: Vec3::splat(-2.8), max: Vec3::new(2.8, 2.8, 2.81) }, 64);
         assert_eq!(a.voxel_size, b.voxel_size);
         assert_eq!(a.origin, b.origin);
     }
 
     #[test]
     fn grid_uses_its_budget() {
-        let grid = fit(bounds(Vec3::ZERO, Vec3::new(37.0, 15.0, 23.0)), 64);
+        let grid = fit(&Bounds { min: Vec3::ZERO, max: Vec3::new(37.0, 15.0, 23.0) }, 64);
         assert!(grid.dims.element_product() > 64 * 64 * 64 * 3 / 4, "{grid:?}");
+    }
+
+    #[test]
+    fn nested_grids_hold_their_regions_wherever_these_are() {
+        for edge in [32, 64, 128] {
+            let mut first: Option<Grid> = None;
+            for step in 0..200 {
+                let low = Vec3::new(-300.0 + 0.37 * step as f32, 0.0, 71.3 - 1.1 * step as f32);
+                let boxes = [80.0, 320.0].map(|size| {
+                    let min = low - Vec3::new(0.5 * size, 0.0, 0.5 * size);
+                    Bounds { min, max: min + Vec3::new(size, 20.0, size) }
+                });
+                let world = Bounds { min: Vec3::new(-600.0, 0.0, -600.0), max: Vec3::new(600.0, 20.0, 600.0) };
+                let grid = nest(&[boxes[0], boxes[1], world], edge);
+                let finest = GridLevel { origin: grid.origin, voxel_size: grid.voxel_size, dims: grid.dims, ..default() };
+                for (level, region) in [(finest, boxes[0]), (grid.further[0], boxes[1]), (grid.further[1], world)] {
+                    let low = (region.min - level.origin) / level.voxel_size;
+                    let high = (region.max - level.origin) / level.voxel_size;
+                    assert!(low.cmpge(Vec3::splat(0.9)).all(), "{level:?} {low}");
+                    assert!(high.cmple(level.dims.as_vec3() - 0.9).all(), "{level:?} {high}");
+                }
+                assert_eq!(grid.further_count, 2);
+                assert_eq!(grid.further[1].first_voxel, grid.dims.element_product() + grid.further[0].dims.element_product());
+                let first = first.get_or_insert(grid);
+                for (level, before) in [(finest, first.origin), (grid.further[0], first.further[0].origin)] {
+                    let bricks = (level.origin - before) / (level.voxel_size * BRICK as f32);
+                    assert!(bricks.abs_diff_eq(bricks.round(), 1e-2), "{level:?} {bricks}");
+                }
+                assert_eq!((first.voxel_size, first.dims), (grid.voxel_size, grid.dims));
+            }
+        }
     }
 }

@@ -63,7 +63,7 @@ pub(super) fn voxelize(
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/voxelize");
 
-    let chunks = folded(scene.chunk_count());
+    let chunks = folded(scene.chunk_count() * grid.level_count());
     let blocks = folded(grid.block_count());
     let leaps = folded(grid.leap_count().div_ceil(GROUP));
     let per_cell = folded(grid.grid.cell_capacity.div_ceil(GROUP));

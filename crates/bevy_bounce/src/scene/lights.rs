@@ -16,9 +16,8 @@ use bevy::render::Extract;
 use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPOT, Light};
 
 use super::GiLight;
-use super::bounds::Bounds;
 use super::extract::{SceneCameras, spawn_order};
-use super::instances::Instances;
+use super::regions::Regions;
 use super::table::GpuTable;
 
 /// Weights of linear sRGB in luminance. ITU-R BT.709.
@@ -157,15 +156,20 @@ fn placed(mut light: Light, transform: &GlobalTransform, gi: GiLight) -> Option<
 }
 
 /// Luminous flux by which paths are shared out, lumens: all of a point light's, a spot's within its cone as if it did not
-/// fall off, all of a rect light's, and what a directional light casts on the box of the scene.
-fn power(light: &Light, bounds: &Bounds) -> f32 {
+/// fall off, all of a rect light's, and what a directional light casts on the box of the scene; of large scenes, weighted by how
+/// near the cameras it is.
+fn power(light: &Light, regions: &Regions) -> f32 {
     let luminance = light.color.dot(LUMINANCE);
-    match light.kind {
+    if light.kind == LIGHT_DIRECTIONAL {
+        return luminance * regions.weighted_area(light.direction);
+    }
+    let flux = match light.kind {
         LIGHT_POINT => luminance * 4.0 * PI,
         LIGHT_SPOT => luminance * 2.0 * PI * (1.0 - light.spot_cos_outer),
         LIGHT_RECT => luminance * PI * 4.0 * light.side.length() * light.half_height,
-        _ => luminance * bounds.projected_area(light.direction),
-    }
+        _ => 0.0,
+    };
+    flux * regions.importance(light.position)
 }
 
 /// The lights on the GPU.
@@ -184,11 +188,11 @@ impl Default for Lights {
 }
 
 /// Sums the powers up.
-pub(super) fn update_lights(mut lights: ResMut<Lights>, extracted: Res<ExtractedLights>, instances: Res<Instances>) {
+pub(super) fn update_lights(mut lights: ResMut<Lights>, extracted: Res<ExtractedLights>, regions: Res<Regions>) {
     let mut sum = 0.0;
     let lights = &mut *lights;
     lights.table.replace(extracted.lights.iter().filter_map(|(_, extracted)| {
-        let weight = power(&extracted.light, &instances.bounds()) * extracted.share;
+        let weight = power(&extracted.light, &regions) * extracted.share;
         let next = sum + weight;
         if !(next.is_finite() && next > sum) {
             return None;
@@ -226,7 +230,7 @@ mod tests {
 
     #[test]
     fn power_of_each_kind() {
-        let bounds = Bounds { min: Vec3::ZERO, max: Vec3::new(2.0, 3.0, 5.0) };
+        let bounds = Regions::of(Vec3::ZERO, Vec3::new(2.0, 3.0, 5.0));
         let white = Color::WHITE;
         let point = point_light(&PointLight { color: white, intensity: 800.0, ..default() });
         assert!((power(&point, &bounds) - 800.0).abs() < 0.01);

@@ -31,6 +31,7 @@ mod occluders;
 mod pack;
 mod passes;
 mod prepare;
+mod regions;
 mod sky;
 mod table;
 #[cfg(test)]
@@ -54,6 +55,7 @@ use self::meshes::collect_meshes;
 use self::occluders::{Occluders, choose_occluders};
 use self::passes::{init_pipelines, scene_pass};
 use self::prepare::{init_scene, upload_scene};
+use self::regions::place_regions;
 use self::sky::{ExtractedSky, extract_sky, init_sky, light_sky, update_sky};
 use self::thumbnails::{collect_images, update_thumbnails};
 use crate::GiSystems;
@@ -61,8 +63,10 @@ use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
 
+pub(crate) use self::bounds::Bounds;
 pub(crate) use self::instances::Instances;
 pub(crate) use self::prepare::SceneBuffers;
+pub(crate) use self::regions::Regions;
 pub(crate) use self::sky::SkyBuffers;
 
 /// What a light adds to the bounced light; without it a light takes part as [`GiLight::default`]. On a camera, it is that of the
@@ -135,6 +139,7 @@ impl Plugin for GiScenePlugin {
             .init_resource::<ExtractedPoses>()
             .init_resource::<ExtractedSky>()
             .init_resource::<Instances>()
+            .init_resource::<Regions>()
             .init_resource::<Materials>()
             .init_resource::<Occluders>()
             .init_resource::<Lights>()
@@ -158,6 +163,7 @@ impl Plugin for GiScenePlugin {
                         update_deformed,
                         resolve_instances,
                         choose_occluders,
+                        place_regions,
                         update_lights,
                         update_sky,
                         upload_scene,

@@ -13,6 +13,7 @@ use super::lights::Lights;
 use super::materials::Materials;
 use super::meshes::{Geometry, Meshes};
 use super::occluders::Occluders;
+use super::regions::Regions;
 use super::table::STORAGE_USAGES;
 use super::thumbnails::Thumbnails;
 
@@ -40,6 +41,7 @@ pub(crate) struct SceneBuffers {
     pub lights: Buffer,
     uniform: UniformBuffer<Scene>,
     bounds: Bounds,
+    regions: Regions,
     occluders: OccluderCounts,
     pose_bytes: u64,
     light_revision: u64,
@@ -67,6 +69,7 @@ impl SceneBuffers {
             lights: placeholder(),
             uniform: UniformBuffer::default(),
             bounds: Bounds::EMPTY,
+            regions: Regions::default(),
             occluders: OccluderCounts::default(),
             surface_points: placeholder(),
             pose_bytes: 0,
@@ -83,6 +86,17 @@ impl SceneBuffers {
     /// Box of all that takes part; `None` without anything.
     pub fn bounds(&self) -> Option<Aabb3d> {
         (!self.bounds.is_empty()).then(|| Aabb3d { min: self.bounds.min.into(), max: self.bounds.max.into() })
+    }
+
+    /// Boxes round the cameras, from the innermost to all that takes part.
+    pub fn regions(&self) -> &[Bounds] {
+        self.regions.boxes()
+    }
+
+    /// Box of what takes part near the cameras; `None` without anything.
+    pub fn inner_bounds(&self) -> Option<Aabb3d> {
+        let inner = self.regions().first().filter(|inner| !inner.is_empty())?;
+        Some(Aabb3d { min: inner.min.into(), max: inner.max.into() })
     }
 
     /// Chunks of all instances.
@@ -179,6 +193,7 @@ pub(super) fn upload_scene(
     geometry: Res<Geometry>,
     thumbnails: Res<Thumbnails>,
     deform: Res<DeformJobs>,
+    regions: Res<Regions>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
@@ -209,6 +224,7 @@ pub(super) fn upload_scene(
     follow(&mut buffers.thumbnails, Some(&thumbnails.buffer));
 
     buffers.bounds = instances.bounds();
+    buffers.regions.clone_from(&regions);
     let chunks = occluders.chunks.values();
     buffers.occluders = OccluderCounts {
         chunks: chunks.len() as u32,
@@ -218,6 +234,7 @@ pub(super) fn upload_scene(
         point_area: occluders.point_area,
     };
     buffers.pose_bytes = deform.bytes();
+    let (scene_regions, region_count) = regions.on_gpu();
     let bounds = if buffers.bounds.is_empty() { Bounds { min: Vec3::ZERO, max: Vec3::ZERO } } else { buffers.bounds };
     let scene = Scene {
         bounds_min: bounds.min,
@@ -233,6 +250,8 @@ pub(super) fn upload_scene(
             .map(|material| material.emissive.max_element())
             .fold(0.0, f32::max),
         sky_count: buffers.sky_count,
+        regions: scene_regions,
+        region_count,
     };
     if *buffers.uniform.get() != scene || buffers.uniform.buffer().is_none() {
         buffers.uniform.set(scene);

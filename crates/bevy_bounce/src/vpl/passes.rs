@@ -14,8 +14,10 @@ use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::sort::SortPipelines;
 
-/// Bits of the key that vertices are sorted by: facing, place on a Hilbert curve.
-const VERTEX_KEY_BITS: u32 = 3 + 3 * HILBERT_BITS;
+/// Bits of the key that vertices are sorted by: grid and facing, of six, and place on a Hilbert curve.
+fn vertex_key_bits(grids: u32) -> u32 {
+    (6 * grids).next_power_of_two().ilog2() + 3 * HILBERT_BITS
+}
 
 /// Threads of a workgroup, a path or a light each.
 const GROUP: u32 = 64;
@@ -42,6 +44,7 @@ pub(super) fn trace_vpls(
         return;
     };
     let device = ctx.render_device().clone();
+    let key_bits = vertex_key_bits(grid.level_count());
     let emitters = p.collect_emitters.bind(
         &device,
         &cache,
@@ -88,7 +91,7 @@ pub(super) fn trace_vpls(
             grid_uniform.clone(),
             whole(vpl.vertices(&grid)),
             whole(&vpl.vertex_count),
-            whole(vpl.order.sorted(VERTEX_KEY_BITS)),
+            whole(vpl.order.sorted(key_bits)),
             whole(&vpl.bricks),
             whole(&grid.counters),
             whole(&vpl.starts),
@@ -132,12 +135,12 @@ pub(super) fn trace_vpls(
     p.trace_paths.dispatch(encoder, &cache, &[&trace, &grid_group], groups(path_count));
     p.scan_paths.dispatch(encoder, &cache, &[&order], UVec3::ONE);
     p.write_pairs.dispatch(encoder, &cache, &[&order], groups(path_count));
-    sort.sort(&device, encoder, &cache, &vpl.order, &vpl.vertex_count, VERTEX_KEY_BITS);
+    sort.sort(&device, encoder, &cache, &vpl.order, &vpl.vertex_count, key_bits);
     p.scan_weights.dispatch(encoder, &cache, &[&list], UVec3::ONE);
     p.build_list.dispatch(encoder, &cache, &[&list], groups(capacity));
     p.file_lights.dispatch(encoder, &cache, &[&places], groups(capacity));
     p.meet_triangles.dispatch(encoder, &cache, &[&settle], folded(scene.chunk_count()));
     p.set_lights.dispatch(encoder, &cache, &[&places], groups(capacity));
-    p.measure_density.dispatch(encoder, &cache, &[&density, &grid_group], UVec3::new(grid.brick_count() as u32, 1, 1));
+    p.measure_density.dispatch(encoder, &cache, &[&density, &grid_group], folded(grid.brick_count()));
     span.end(encoder);
 }

@@ -126,7 +126,7 @@ pub(super) fn prepare_vpls(
         bound_scale: settings.bound,
     };
     let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
-    let bricks = grid.as_ref().map_or(0, |grid| grid.brick_count());
+    let bricks = grid.as_ref().map_or(0, |grid| u64::from(grid.brick_count()));
     let brick_words = bricks * u64::from(BRICK_WORDS);
     let shared_bytes = grid.as_ref().map_or(0, |grid| grid.sums.size());
     let prepare = |buffers: &mut VplBuffers| {

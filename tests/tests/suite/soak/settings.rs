@@ -45,6 +45,7 @@ fn settings(random: &mut Rng) -> GiSettings {
     use VplVisibility::{Atlas, Ism, None, Voxel};
     GiSettings {
         grid: random.u32(0..48),
+        range: float(random, 0.5, 60.0),
         vpls: random.u32(0..300),
         bounces: random.u32(0..40),
         visibility: one_of(random, &[None, Voxel, Ism, Atlas]),
