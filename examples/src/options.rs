@@ -43,6 +43,9 @@ pub struct Options {
     /// Edge of the voxel grid, in voxels, over the quality's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=256))]
     pub grid: Option<u32>,
+    /// How far around the camera light is as fine as that grid, world units, over the quality's
+    #[arg(long, value_name = "DISTANCE")]
+    pub range: Option<f32>,
     /// What a virtual light can see, over the quality's
     #[arg(long, value_enum)]
     pub visibility: Option<VisibilityOption>,

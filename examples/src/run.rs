@@ -120,6 +120,7 @@ impl Options {
         settings.vpls = self.vpls.unwrap_or(settings.vpls);
         settings.bounces = self.bounces.unwrap_or(settings.bounces);
         settings.grid = self.grid.unwrap_or(settings.grid);
+        settings.range = self.range.unwrap_or(settings.range);
         settings.visibility = match self.visibility {
             Some(VisibilityOption::None) => VplVisibility::None,
             Some(VisibilityOption::Voxel) => VplVisibility::Voxel,

@@ -34,7 +34,7 @@ pub fn write(app: &mut App, run: &Run, times: &[Duration], path: &Path) -> Resul
         "gpu_bytes": bytes,
         "gpu_bytes_by": bytes_by,
         "frames": times.len(),
-        "frame_ms": { "median": percentile(&millis, 0.5), "p95": percentile(&millis, 0.95) },
+        "frame_ms": { "median": percentile(&millis, 0.5), "p95": percentile(&millis, 0.95), "worst": percentile(&millis, 1.0) },
         "stages": stages,
         "engine": engine,
     });

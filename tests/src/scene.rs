@@ -1,9 +1,9 @@
 //! Small scenes in the form that the shaders read, built by hand: no app, no extraction.
 
-use bevy::math::{Affine3A, Vec2, Vec3, Vec4};
+use bevy::math::{Affine3A, UVec3, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
-    BRICK_WORDS, CHUNK_TRIANGLES, Cell, Chunk, Emitter, Grid, Instance, Light, MEETING_WORDS, Material, NONE,
-    OccluderChunk, REGIONS, Region, Scene, VERTEX_WORDS,
+    BRICK_WORDS, CHUNK_TRIANGLES, Cell, Chunk, Emitter, FURTHER_LEVELS, Grid, GridLevel, Instance, Light,
+    MEETING_WORDS, Material, NONE, OccluderChunk, REGIONS, Region, Scene, VERTEX_WORDS,
 };
 use half::f16;
 
@@ -22,14 +22,18 @@ pub struct TestScene {
     pub materials: Vec<Material>,
     /// Lights; their running sum of power is computed when they are bound.
     pub lights: Vec<Light>,
+    /// Boxes round a camera, from the innermost; the whole scene follows them.
+    pub regions: Vec<(Vec3, Vec3)>,
     /// All triangles in world space, in the order of instances.
     pub triangles: Vec<Triangle>,
 }
 
-/// A single region: the whole scene.
-pub fn regions(min: Vec3, max: Vec3) -> [Region; REGIONS] {
+/// Boxes round a camera as the shaders read them, from the innermost; each counts a 64th of the one before.
+pub fn regions(boxes: &[(Vec3, Vec3)]) -> [Region; REGIONS] {
     let mut regions = [Region::default(); REGIONS];
-    regions[0] = Region { min, weight: 1.0, max, padding: 0 };
+    for (i, (region, &(min, max))) in regions.iter_mut().zip(boxes).enumerate() {
+        *region = Region { min, weight: 64f32.powi(-(i as i32)), max, padding: 0 };
+    }
     regions
 }
 
@@ -104,6 +108,33 @@ impl TestScene {
         Grid { origin, voxel_size, dims, cell_capacity: 6 * dims.element_product(), ..Default::default() }
     }
 
+    /// Grids within each other: boxes and their voxels from the innermost, then one of that voxel size over the bounds.
+    pub fn nested_grid(&self, inner: &[(Vec3, Vec3, f32)], voxel_size: f32) -> Grid {
+        let place = |(low, high, size): &(Vec3, Vec3, f32)| GridLevel {
+            origin: *low - *size * Vec3::new(0.37, 0.31, 0.43),
+            voxel_size: *size,
+            dims: ((*high - *low) / *size).ceil().as_uvec3() + 1,
+            ..Default::default()
+        };
+        let whole = self.grid(voxel_size);
+        let whole = GridLevel { origin: whole.origin, voxel_size, dims: whole.dims, ..Default::default() };
+        let mut levels: Vec<GridLevel> = inner.iter().map(place).chain([whole]).collect();
+        for i in 1..levels.len() {
+            let before = levels[i - 1];
+            let count = |edge: u32| before.dims.map(|voxels| voxels.div_ceil(edge)).element_product();
+            levels[i].first_voxel = before.first_voxel + count(1);
+            levels[i].first_brick = before.first_brick + count(8);
+            levels[i].first_block = before.first_block + count(2);
+        }
+        let GridLevel { origin, voxel_size, dims, .. } = levels[0];
+        let mut further = [GridLevel::default(); FURTHER_LEVELS];
+        further[..inner.len()].copy_from_slice(&levels[1..]);
+        let further_count = inner.len() as u32;
+        let mut grid = Grid { origin, voxel_size, dims, further, further_count, ..Default::default() };
+        grid.cell_capacity = 3 * count_of(&grid, 1) as u32;
+        grid
+    }
+
     /// Binds everything under the names of the shaders.
     pub fn resources(&self, gpu: &Gpu) -> Resources {
         let chunks = self.chunks(|_| true);
@@ -115,13 +146,14 @@ impl TestScene {
             light.cumulative_power = power;
         }
         let (bounds_min, bounds_max) = self.bounds();
+        let boxes: Vec<_> = self.regions.iter().copied().chain([(bounds_min, bounds_max)]).collect();
         let scene = Scene {
             bounds_min,
             bounds_max,
             light_count: lights.len() as u32,
             light_power: power,
-            regions: regions(bounds_min, bounds_max),
-            region_count: 1,
+            regions: regions(&boxes),
+            region_count: self.regions.len() as u32 + 1,
             chunk_count: chunks.len() as u32,
             emissive_chunk_count: emissive.len() as u32,
             max_emission: self.materials.iter().map(|material| material.emissive.max_element()).fold(0.0, f32::max),
@@ -220,7 +252,7 @@ pub fn shipped(gpu: &Gpu, path: &str, entry: &str, defs: &[&str]) -> std::sync::
 
 /// Voxelises the scene with the shipped kernels; the buffers of the grid are added to the scene's.
 pub fn voxelize(gpu: &Gpu, scene: &TestScene, grid: &Grid, queue_entries: Option<usize>) -> Resources {
-    let voxels = grid.dims.element_product() as usize;
+    let voxels = count_of(grid, 1);
     let blocks = voxels.div_ceil(1024);
     let queue = 1 + 3 * queue_entries.unwrap_or(QUEUE_ENTRIES);
     let mut resources = scene
@@ -236,7 +268,7 @@ pub fn voxelize(gpu: &Gpu, scene: &TestScene, grid: &Grid, queue_entries: Option
         .zeroed("along_y", leap_count(grid))
         .zeroed("queue", queue)
         .zeroed("brick_workgroups", 3);
-    let chunks = scene.chunks(|_| true).len() as u32;
+    let chunks = scene.chunks(|_| true).len() as u32 * (grid.further_count + 1);
     let run_chunks = |defs: &[&str], resources: &Resources| {
         if chunks > 0 {
             run_over_triangles(gpu, defs, resources, chunks);
@@ -264,7 +296,14 @@ pub fn run_over_triangles(gpu: &Gpu, defs: &[&str], resources: &Resources, chunk
 
 /// Blocks of 2^3 voxels that distances count.
 pub fn leap_count(grid: &Grid) -> usize {
-    grid.dims.map(|voxels| voxels.div_ceil(2)).element_product() as usize
+    count_of(grid, 2)
+}
+
+/// Cubes of so many voxels an edge in all of the grids.
+pub fn count_of(grid: &Grid, edge: u32) -> usize {
+    let further = grid.further[..grid.further_count as usize].iter().map(|level| level.dims);
+    let count = |dims: UVec3| dims.map(|voxels| voxels.div_ceil(edge)).element_product() as usize;
+    std::iter::once(grid.dims).chain(further).map(count).sum()
 }
 
 /// Runs the kernels that store in each voxel how far rays may leap.
@@ -276,9 +315,8 @@ pub fn measure_distances(gpu: &Gpu, grid: &Grid, resources: &Resources) {
 
 /// Sets virtual lights on what their paths met: `count` of the list `vpls`, whose `header` says so.
 pub fn settle(gpu: &Gpu, scene: &TestScene, grid: &Grid, resources: Resources, count: u32) -> Resources {
-    let bricks = grid.dims.map(|voxels| voxels.div_ceil(8)).element_product();
     let resources = resources
-        .zeroed("bricks", (bricks * BRICK_WORDS) as usize)
+        .zeroed("bricks", count_of(grid, 8) * BRICK_WORDS as usize)
         .zeroed("meetings", (count * MEETING_WORDS) as usize);
     let chunks = scene.chunks(|_| true).len() as u32;
     run(gpu, "vpl/places.wgsl", "file_lights", &resources, [count.div_ceil(64), 1, 1]);

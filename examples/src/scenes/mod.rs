@@ -16,6 +16,7 @@ mod office;
 mod see_through;
 mod showroom;
 mod solid;
+mod town;
 mod u_room;
 mod village;
 
@@ -33,5 +34,6 @@ pub use office::OfficePlugin;
 pub use see_through::SeeThroughPlugin;
 pub use showroom::ShowroomPlugin;
 pub use solid::Solid;
+pub use town::TownPlugin;
 pub use u_room::URoomPlugin;
 pub use village::VillagePlugin;

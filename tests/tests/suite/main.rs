@@ -11,6 +11,7 @@ mod history;
 mod lamps;
 mod lightmap;
 mod metrics;
+mod nested;
 mod octahedral;
 mod panel;
 mod paths;

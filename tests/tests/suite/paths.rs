@@ -10,14 +10,14 @@ use bevy_bounce_shaders::types::{
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
-use bevy_bounce_tests::scene::{TestScene, cuboid, run, voxelize};
+use bevy_bounce_tests::scene::{TestScene, count_of, cuboid, run, voxelize};
 use bevy_bounce_tests::twins::random::Random;
 
 use crate::sort::radix_sort;
 
-const PATHS: u32 = 4096;
+pub const PATHS: u32 = 4096;
 
-struct Traced {
+pub struct Traced {
     parameters: VplParameters,
     grid: Grid,
     vertices: Vec<Vpl>,
@@ -29,10 +29,13 @@ struct Traced {
 
 impl Traced {
     fn new(scene: &TestScene, voxel_size: f32, max_bounces: u32) -> Self {
-        let grid = scene.grid(voxel_size);
+        Self::through(scene, scene.grid(voxel_size), max_bounces)
+    }
+
+    pub fn through(scene: &TestScene, grid: Grid, max_bounces: u32) -> Self {
         let parameters = VplParameters { capacity: 1000, path_count: PATHS, max_bounces, bound_scale: 1.0 };
         let slots = PATHS as usize * (max_bounces as usize + 1);
-        let bricks = grid.dims.map(|voxels| voxels.div_ceil(8)).element_product() as usize;
+        let bricks = count_of(&grid, 8);
         let resources = voxelize(gpu(), scene, &grid, None)
             .uniform("parameters", &parameters)
             .structs("vertices", &vec![Vpl::default(); slots])
@@ -54,14 +57,14 @@ impl Traced {
     }
 
     /// Sorts the vertices and makes the list.
-    fn list(mut self) -> (Self, VplHeader, Vec<Vpl>) {
+    pub fn list(mut self) -> (Self, VplHeader, Vec<Vpl>) {
         let slots = self.vertices.len();
         let resources = self.resources.zeroed("vertex_count", 1).zeroed("pairs", 2 * slots).zeroed("starts", slots);
         run(gpu(), "vpl/order.wgsl", "scan_paths", &resources, [1, 1, 1]);
         run(gpu(), "vpl/order.wgsl", "write_pairs", &resources, [PATHS.div_ceil(64), 1, 1]);
         let count = resources.read_words("vertex_count").expect("reads back")[0] as usize;
         let pairs = resources.read_words("pairs").expect("reads back");
-        let sorted = radix_sort(&pairs.as_chunks().0[..count], 3 + 3 * HILBERT_BITS);
+        let sorted = radix_sort(&pairs.as_chunks().0[..count], 5 + 3 * HILBERT_BITS);
         let resources = resources.words("pairs", sorted.as_flattened());
         run(gpu(), "vpl/list.wgsl", "scan_weights", &resources, [1, 1, 1]);
         run(gpu(), "vpl/list.wgsl", "build_list", &resources, [self.parameters.capacity.div_ceil(64), 1, 1]);
@@ -76,7 +79,7 @@ impl Traced {
         &self.vertices[start..start + self.paths[path].length as usize]
     }
 
-    fn all(&self) -> impl Iterator<Item = &Vpl> {
+    pub fn all(&self) -> impl Iterator<Item = &Vpl> {
         (0..self.paths.len()).flat_map(|path| self.path(path))
     }
 
@@ -484,22 +487,6 @@ fn no_light_an_empty_list() {
 /// Rays against exact geometry.
 #[test]
 fn rays_meet_what_is_there() {
-    const SHOOT: &str = "
-        #import bevy_bounce::shared::rays::{trace, to_grid, grid, Ray}
-        @group(0) @binding(0) var<storage, read> rays: array<vec4<f32>>;
-        @group(0) @binding(1) var<storage, read_write> hits: array<f32>;
-        @compute @workgroup_size(64)
-        fn shoot(@builtin(global_invocation_id) id: vec3<u32>) {
-            if id.x >= arrayLength(&hits) {
-                return;
-            }
-            var ray: Ray;
-            ray.origin = to_grid(rays[2u * id.x].xyz);
-            ray.direction = rays[2u * id.x + 1u].xyz;
-            ray.length = rays[2u * id.x].w / grid.voxel_size;
-            let hit = trace(ray);
-            hits[id.x] = select(-1.0, hit.t * grid.voxel_size, hit.found);
-        }";
     let mut scene = TestScene::new(Vec3::splat(0.5));
     let turn = Affine3A::from_rotation_translation(Quat::from_euler(bevy::math::EulerRot::XYZ, 0.4, 0.7, 0.2), Vec3::Y);
     let walls = cuboid(Vec3::new(-2.0, -1.25, -1.5), Vec3::new(2.0, 1.25, 1.5)).map(|[a, b, c]| [a, c, b]);
@@ -522,11 +509,7 @@ fn rays_meet_what_is_there() {
             rays.push((origin, random.direction()));
         }
     }
-    let packed: Vec<f32> = rays.iter().flat_map(|(o, d)| [o.x, o.y, o.z, 100.0, d.x, d.y, d.z, 0.0]).collect();
-    let resources = resources.floats("rays", &packed).zeroed("hits", count);
-    let kernel = gpu().kernel(&compose_source(SHOOT, "shoot.wgsl", &[]).expect("composes"), "shoot");
-    gpu().dispatch(&kernel.expect("the device takes it"), &resources, [count.div_ceil(64) as u32, 1, 1]).expect("runs");
-    let hits = resources.read_floats("hits").expect("reads back");
+    let hits = shoot(resources, &rays);
     let (mut missed, mut off) = (0, 0);
     for (&(origin, direction), &hit) in rays.iter().zip(&hits) {
         let exact = scene.triangles.iter().filter_map(|t| intersect(t, origin, direction)).fold(f32::MAX, f32::min);
@@ -538,6 +521,32 @@ fn rays_meet_what_is_there() {
     }
     assert!(missed * 200 <= count, "{missed} of {count} rays leave a closed room");
     assert!(off * 50 <= count, "{off} of {count} rays end a voxel and more off");
+}
+
+/// How far rays come in the voxels of some resources, world units; negative where they meet nothing.
+pub fn shoot(resources: Resources, rays: &[(Vec3, Vec3)]) -> Vec<f32> {
+    const SHOOT: &str = "
+        #import bevy_bounce::shared::rays::{trace, to_grid, grid, Ray}
+        @group(0) @binding(0) var<storage, read> rays: array<vec4<f32>>;
+        @group(0) @binding(1) var<storage, read_write> hits: array<f32>;
+        @compute @workgroup_size(64)
+        fn shoot(@builtin(global_invocation_id) id: vec3<u32>) {
+            if id.x >= arrayLength(&hits) {
+                return;
+            }
+            var ray: Ray;
+            ray.origin = to_grid(rays[2u * id.x].xyz);
+            ray.direction = rays[2u * id.x + 1u].xyz;
+            ray.length = rays[2u * id.x].w / grid.voxel_size;
+            let hit = trace(ray);
+            hits[id.x] = select(-1.0, hit.t * grid.voxel_size, hit.found);
+        }";
+    let packed: Vec<f32> = rays.iter().flat_map(|(o, d)| [o.x, o.y, o.z, 1e4, d.x, d.y, d.z, 0.0]).collect();
+    let resources = resources.floats("rays", &packed).zeroed("hits", rays.len());
+    let kernel = gpu().kernel(&compose_source(SHOOT, "shoot.wgsl", &[]).expect("composes"), "shoot");
+    let groups = rays.len().div_ceil(64) as u32;
+    gpu().dispatch(&kernel.expect("the device takes it"), &resources, [groups, 1, 1]).expect("runs");
+    resources.read_floats("hits").expect("reads back")
 }
 
 /// Rays between the walls of a room, through a grid of about 64^3.

@@ -10,8 +10,8 @@ use bevy_bounce_examples::scenes::{Builder, Walls};
 use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, Light, SKY_EDGE, Scene, Sky};
 use bevy_bounce_tests::compose::compose;
 use bevy_bounce_tests::gpu::{Resources, gpu};
-use bevy_bounce_tests::scene::regions;
 use bevy_bounce_tests::picture::{Picture, luminance};
+use bevy_bounce_tests::scene::regions;
 use bevy_bounce_tests::stage::{SMALL, Stage, illumination};
 use bevy_bounce_tests::twins::random::Random;
 use half::f16;
@@ -43,8 +43,9 @@ fn chosen(count: u32, sky: Sky, radiance: impl Fn(Vec3) -> Vec3) -> (Vec<Vec4>, 
     }
     let gpu = gpu();
     let composed = compose("scene/sky.wgsl", &[]).expect("composes");
-    let regions = regions(Vec3::ZERO, BOUNDS);
-    let scene = Scene { light_count: 1, sky_count: count, bounds_max: BOUNDS, regions, region_count: 1, ..Default::default() };
+    let regions = regions(&[(Vec3::ZERO, BOUNDS)]);
+    let scene =
+        Scene { light_count: 1, sky_count: count, bounds_max: BOUNDS, regions, region_count: 1, ..Default::default() };
     let resources = Resources::new(gpu)
         .uniform("sky", &Sky { samples: 4, ..sky })
         .uniform("scene", &scene)

@@ -276,7 +276,8 @@ mod tests {
                 });
                 let world = Bounds { min: Vec3::new(-600.0, 0.0, -600.0), max: Vec3::new(600.0, 20.0, 600.0) };
                 let grid = nest(&[boxes[0], boxes[1], world], edge);
-                let finest = GridLevel { origin: grid.origin, voxel_size: grid.voxel_size, dims: grid.dims, ..default() };
+                let finest =
+                    GridLevel { origin: grid.origin, voxel_size: grid.voxel_size, dims: grid.dims, ..default() };
                 for (level, region) in [(finest, boxes[0]), (grid.further[0], boxes[1]), (grid.further[1], world)] {
                     let low = (region.min - level.origin) / level.voxel_size;
                     let high = (region.max - level.origin) / level.voxel_size;
@@ -284,7 +285,10 @@ mod tests {
                     assert!(high.cmple(level.dims.as_vec3() - 0.9).all(), "{level:?} {high}");
                 }
                 assert_eq!(grid.further_count, 2);
-                assert_eq!(grid.further[1].first_voxel, grid.dims.element_product() + grid.further[0].dims.element_product());
+                assert_eq!(
+                    grid.further[1].first_voxel,
+                    grid.dims.element_product() + grid.further[0].dims.element_product()
+                );
                 let first = first.get_or_insert(grid);
                 for (level, before) in [(finest, first.origin), (grid.further[0], first.further[0].origin)] {
                     let bricks = (level.origin - before) / (level.voxel_size * BRICK as f32);

@@ -35,7 +35,7 @@ pub(super) fn extract_probes(
 
 /// Tells the main world where the scene was in the last frame that was drawn.
 pub(super) fn return_bounds(mut main: ResMut<MainWorld>, scene: Option<Res<SceneBuffers>>) {
-    if let (Some(mut bounds), Some(scene)) = (main.get_resource_mut::<SceneBox>(), scene) {
-        bounds.0 = scene.inner_bounds();
+    if let (Some(mut held), Some(scene)) = (main.get_resource_mut::<SceneBox>(), scene) {
+        *held = SceneBox { bounds: scene.inner_bounds(), moves: scene.regions().len() > 1 };
     }
 }

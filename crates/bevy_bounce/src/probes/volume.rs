@@ -44,15 +44,17 @@ pub struct ProbeVolume {
 
 impl ProbeVolume {
     /// A cubic lattice over the bounds with `count` probes along the longest axis at most. A function of its arguments alone;
-    /// place and spacing go in steps, so that a moving object does not make the probes swim.
-    pub(super) fn over(bounds: Option<Aabb3d>, count: u32) -> Self {
-        let (min, max) = bounds.map_or((Vec3::ZERO, Vec3::ZERO), |b| (Vec3::from(b.min), Vec3::from(b.max)));
+    /// place and spacing go in steps, so that a moving object does not make the probes swim. Over bounds that move with a camera the
+    /// number of probes is the same wherever they are.
+    pub(super) fn over(scene: &SceneBox, count: u32) -> Self {
+        let (min, max) = scene.bounds.map_or((Vec3::ZERO, Vec3::ZERO), |b| (Vec3::from(b.min), Vec3::from(b.max)));
         let extent = (max - min).max_element().max(1e-4 * max.abs().max(min.abs()).max_element()).max(1e-6);
         let mut step = (SPACING_STEPS * (extent / count as f32).log2()).floor();
         loop {
             let spacing = (step / SPACING_STEPS).exp2();
             let low = (min / spacing - BORDER - PHASE).floor() + PHASE;
-            let dims = (max / spacing + BORDER - low).ceil().as_uvec3();
+            let end = if scene.moves { (max - min) / spacing + BORDER + 1.0 } else { max / spacing - low };
+            let dims = (end + BORDER).ceil().as_uvec3();
             if dims.max_element() <= count {
                 return Self { origin: low * spacing, spacing, dims, visibility: VplVisibility::default() };
             }
@@ -103,9 +105,14 @@ impl OneVolume {
     }
 }
 
-/// Bounds of the scene, as the render world last knew them.
+/// What probes lie over, as the render world last knew it.
 #[derive(Resource, Default)]
-pub(super) struct SceneBox(pub Option<Aabb3d>);
+pub(super) struct SceneBox {
+    /// Bounds of the scene, or of what of it is near the cameras.
+    pub bounds: Option<Aabb3d>,
+    /// Whether they move with the cameras.
+    pub moves: bool,
+}
 
 /// What cameras ask of the volume.
 #[derive(Clone, Copy)]
@@ -146,7 +153,7 @@ impl Wanted {
 pub(super) fn keep_volume(
     mut commands: Commands,
     mut images: ResMut<Assets<Image>>,
-    bounds: Res<SceneBox>,
+    scene: Res<SceneBox>,
     cameras: Query<(&Camera, &GlobalIllumination, Option<&Exposure>), With<Camera3d>>,
     mut volumes: Query<(Entity, &mut ProbeVolume, &mut IrradianceVolume, &mut Transform)>,
 ) {
@@ -158,7 +165,7 @@ pub(super) fn keep_volume(
         }
         return;
     };
-    let placed = ProbeVolume { visibility: wanted.visibility, ..ProbeVolume::over(bounds.0, wanted.count) };
+    let placed = ProbeVolume { visibility: wanted.visibility, ..ProbeVolume::over(&scene, wanted.count) };
     let intensity = wanted.intensity();
     let Ok((_, mut volume, mut light, mut transform)) = volumes.single_mut() else {
         let voxels = images.add(placed.image());
@@ -210,8 +217,8 @@ pub(super) fn hide_volume(
 mod tests {
     use super::*;
 
-    fn bounds(min: Vec3, max: Vec3) -> Option<Aabb3d> {
-        Some(Aabb3d { min: min.into(), max: max.into() })
+    fn still(min: Vec3, max: Vec3) -> SceneBox {
+        SceneBox { bounds: Some(Aabb3d::new((min + max) * 0.5, (max - min) * 0.5)), moves: false }
     }
 
     #[test]
@@ -223,7 +230,7 @@ mod tests {
             (Vec3::ZERO, Vec3::new(1e4, 0.0, 1e4)),
         ] {
             for count in [4, 16, 64] {
-                let volume = ProbeVolume::over(bounds(min, max), count);
+                let volume = ProbeVolume::over(&still(min, max), count);
                 let low = (min - volume.origin) / volume.spacing;
                 let high = (max - volume.origin) / volume.spacing;
                 assert!(low.cmpge(Vec3::splat(1.4)).all(), "{volume:?} {low}");
@@ -235,14 +242,30 @@ mod tests {
 
     #[test]
     fn probes_stay_while_the_bounds_move_a_little() {
-        let a = ProbeVolume::over(bounds(Vec3::splat(-2.8), Vec3::splat(2.8)), 16);
-        let b = ProbeVolume::over(bounds(Vec3::splat(-2.8), Vec3::new(2.8, 2.8, 2.81)), 16);
+        let a = ProbeVolume::over(&still(Vec3::splat(-2.8), Vec3::splat(2.8)), 16);
+        let b = ProbeVolume::over(&still(Vec3::splat(-2.8), Vec3::new(2.8, 2.8, 2.81)), 16);
         assert_eq!(a, b);
     }
 
     #[test]
+    fn bounds_that_move_have_as_many_wherever_they_are() {
+        let over = |x: f32| {
+            let min = Vec3::new(x, 0.0, 0.3 * x);
+            ProbeVolume::over(&SceneBox { moves: true, ..still(min, min + Vec3::new(80.0, 22.0, 80.0)) }, 20)
+        };
+        let first = over(0.0);
+        for step in 1..300 {
+            let min = 0.77 * step as f32;
+            let volume = over(min);
+            assert_eq!((volume.dims, volume.spacing), (first.dims, first.spacing));
+            let end = (Vec3::new(min + 80.0, 22.0, 0.3 * min + 80.0) - volume.origin) / volume.spacing;
+            assert!(end.cmple(volume.dims.as_vec3() - 1.4).all(), "{volume:?} {end}");
+        }
+    }
+
+    #[test]
     fn probes_use_their_budget() {
-        let volume = ProbeVolume::over(bounds(Vec3::ZERO, Vec3::new(37.0, 15.0, 23.0)), 24);
+        let volume = ProbeVolume::over(&still(Vec3::ZERO, Vec3::new(37.0, 15.0, 23.0)), 24);
         assert!(volume.dims.x > 20, "{volume:?}");
     }
 

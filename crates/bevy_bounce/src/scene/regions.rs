@@ -127,7 +127,10 @@ mod tests {
             for (i, pair) in boxes.windows(2).enumerate() {
                 let size = 80.0 * GROWTH.powi(i as i32);
                 assert!((pair[0].max - pair[0].min).abs_diff_eq(Vec3::new(size, 20.0, size), 1e-3), "{boxes:?}");
-                assert!(pair[0].min.cmpge(pair[1].min).all() && pair[0].max.cmple(pair[1].max + 1e-3).all(), "{boxes:?}");
+                assert!(
+                    pair[0].min.cmpge(pair[1].min).all() && pair[0].max.cmple(pair[1].max + 1e-3).all(),
+                    "{boxes:?}"
+                );
             }
             assert_eq!(boxes[2], WORLD);
         }
