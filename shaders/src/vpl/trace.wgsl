@@ -38,10 +38,13 @@ const DIMENSION_POSITION: u32 = 1u;
 const DIMENSION_DIRECTION: u32 = 2u;
 const DIMENSION_PROMISE: u32 = 3u;
 const DIMENSION_CHOICE: u32 = 4u;
+const DIMENSION_PATCH: u32 = 5u;
 const DIMENSION_BOUNCE: u32 = 8u;
 
 /// Places of which a path from a directional light starts at one.
 const CANDIDATES: u32 = 8u;
+/// Edge of the part of a moving region that they are in.
+const PATCH: f32 = 0.25;
 /// What is hoped of one whose light goes on into the open, and of one whose light meets nothing.
 const OPEN_PROMISE: f32 = 0.1;
 const LOST_PROMISE: f32 = 0.02;
@@ -182,32 +185,34 @@ fn start_density(light: Light, point: vec3<f32>) -> f32 {
     return density;
 }
 
-// The region that a path starts in, chosen in proportion to weight and lit area; the number that chose is even again.
-fn choose_region(light: Light, chance: ptr<function, f32>) -> u32 {
-    var left = *chance * weighted_area(light);
-    var i = 0u;
-    loop {
-        let own = scene.regions[i].weight * projected_area(scene.regions[i], light.direction);
-        if left < own || i + 1u >= scene.region_count {
-            *chance = clamp(left / max(own, 1e-30), 0.0, 1.0);
+// The region that a path starts in, chosen in proportion to weight and lit area.
+fn choose_region(light: Light, path: u32) -> u32 {
+    var left = sample_square(path, DIMENSION_CHOICE).y * weighted_area(light);
+    for (var i = 0u; i + 1u < scene.region_count; i++) {
+        left -= scene.regions[i].weight * projected_area(scene.regions[i], light.direction);
+        if left < 0.0 {
             return i;
         }
-        left -= own;
-        i++;
     }
-    return 0u;
+    return scene.region_count - 1u;
 }
 
 // A point on a plane before one of the three faces of a region that are turned to the light, in proportion to their projected
 // areas. A region that moves with the camera has its points where they are in the world: those that it leaves behind on one
-// side come in on the other.
-fn start_on_region(light: Light, square: vec2<f32>) -> vec3<f32> {
-    var chance = square.x;
-    let index = choose_region(light, &chance);
+// side come in on the other. There all candidates of a path are near each other, so that what comes and goes at the region's
+// ends changes nothing within.
+fn start_on_region(light: Light, index: u32, path: u32, candidate: u32) -> vec3<f32> {
     let region = scene.regions[index];
+    let moves = index + 1u < scene.region_count;
+    var square = sample_square(candidate, DIMENSION_POSITION);
+    var aside = vec2<f32>(0.0);
+    if moves {
+        aside = (square - 0.5) * PATCH;
+        square = sample_square(path, DIMENSION_PATCH);
+    }
     let size = region.max - region.min;
     let areas = lit_areas(region, light);
-    var pick = chance * (areas.x + areas.y + areas.z);
+    var pick = square.x * (areas.x + areas.y + areas.z);
     var axis = 2u;
     if pick < areas.x {
         axis = 0u;
@@ -219,9 +224,9 @@ fn start_on_region(light: Light, square: vec2<f32>) -> vec3<f32> {
     }
     var place = vec3<f32>(0.0);
     place[axis] = select(0.0, 1.0, light.direction[axis] < 0.0);
-    place[(axis + 1u) % 3u] = clamp(pick / max(areas[axis], 1e-30), 0.0, 1.0);
-    place[(axis + 2u) % 3u] = square.y;
-    if index + 1u < scene.region_count {
+    place[(axis + 1u) % 3u] = clamp(pick / max(areas[axis], 1e-30), 0.0, 1.0) + aside.x;
+    place[(axis + 2u) % 3u] = square.y + aside.y;
+    if moves {
         // Where the lines through the region's corner cross the plane through the world's origin.
         let face = region.min[axis] + place[axis] * size[axis];
         let low = region.min - light.direction * (face / light.direction[axis]);
@@ -262,13 +267,14 @@ fn promise(start: vec3<f32>, direction: vec3<f32>, candidate: u32) -> f32 {
 // sun's light falls onto roofs, and what is seen is below them. Each path has its own few, so that those whose
 // surroundings stay the same start where they did. Resampled importance sampling, Talbot et al. 2005.
 fn start_directional(photon: ptr<function, Photon>, light: Light, path: u32, weight: f32) {
+    let region = choose_region(light, path);
     let pick = sample_square(path, DIMENSION_CHOICE).x;
     var sum = 0.0;
     var left = pick;
     var chosen = 0.0;
     for (var i = 0u; i < CANDIDATES; i++) {
         let candidate = path * CANDIDATES + i;
-        let start = start_on_region(light, sample_square(candidate, DIMENSION_POSITION));
+        let start = start_on_region(light, region, path, candidate);
         let own = promise(start, light.direction, candidate);
         sum += own;
         // One random number serves all choices: what of it is left over by one is even again.

@@ -15,6 +15,10 @@
 //! | `occupied`, `along_x`, `along_y` | 1.5 MiB | distances in blocks of 2^3 voxels, axis by axis |
 //! | `queue` | 0.8 MiB | bricks of large triangles |
 //!
+//! A scene wider than twice `GiSettings::range` has up to four such grids, one within the other: those but the last lie around the cameras, and
+//! move by whole bricks of 8^3 voxels. They share all buffers, which are so many times as large; the finest comes first. See `GridLevel`
+//! in `types.rs`.
+//!
 //! # Where it differs from the paper
 //!
 //! The paper rasterises slices and blends floats; here a compute kernel tests triangles against voxels exactly and adds

@@ -12,6 +12,8 @@ use crate::settings::GiWorldSettings;
 
 /// Edge of a box over that of the one within it.
 const GROWTH: f32 = 4.0;
+/// Parts of the range in which the boxes know the scene's bounds.
+const STEPS: f32 = 8.0;
 
 /// The boxes of this frame, at most [`REGIONS`]; a single one where the scene is no larger than what is fine.
 #[derive(Resource, Clone, Debug, Default, PartialEq)]
@@ -20,8 +22,9 @@ pub(crate) struct Regions {
 }
 
 impl Regions {
-    /// Boxes that reach `range` from the cameras, then [`GROWTH`] times as far, moved so that they stay within the scene's bounds.
-    /// Their size does not depend on where the cameras are, but for their distance from each other.
+    /// Boxes that reach `range` from the cameras, then [`GROWTH`] times as far, moved so that they stay within the scene's bounds,
+    /// or little outside. Their size does not depend on where the cameras are, but for their distance from each other, and hardly
+    /// on what comes and goes.
     fn around(cameras: &[Vec3A], bounds: Bounds, range: f32) -> Self {
         let mut boxes = Vec::new();
         let mut seen = Bounds::EMPTY;
@@ -29,15 +32,17 @@ impl Regions {
             seen.include(Vec3::from(*camera));
         }
         if !(bounds.is_empty() || seen.is_empty()) {
-            let extent = bounds.max - bounds.min;
+            let step = range / STEPS;
+            let (low, high) = ((bounds.min / step).floor() * step, (bounds.max / step).ceil() * step);
+            let extent = high - low;
             let mut reach = range;
             while boxes.len() + 1 < REGIONS {
                 let wanted = seen.max - seen.min + 2.0 * reach;
-                if wanted.cmpge(extent).all() {
+                if wanted.cmpge(bounds.max - bounds.min).all() {
                     break;
                 }
                 let size = wanted.min(extent);
-                let min = (seen.min - reach).min(bounds.max - size).max(bounds.min);
+                let min = (seen.min - reach).min(high - size).max(low);
                 boxes.push(Bounds { min, max: min + size });
                 reach *= GROWTH;
             }
