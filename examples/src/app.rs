@@ -90,13 +90,12 @@ pub fn build(run: &Run, assets: Option<PathBuf>) -> App {
         .insert_resource(ClearColor(Color::BLACK))
         .insert_resource(GlobalAmbientLight::NONE)
         .add_plugins((camera::CameraPlugin, capture::CapturePlugin));
-    if run.stats.is_some() {
-        if !app.is_plugin_added::<RenderDiagnosticsPlugin>() {
-            app.add_plugins(RenderDiagnosticsPlugin);
-        }
-        if !run.plain_bevy {
-            app.add_plugins(StageClockPlugin);
-        }
+    let budget = run.illumination.as_ref().is_some_and(|illumination| illumination.budget.is_some());
+    if (run.stats.is_some() || budget) && !app.is_plugin_added::<RenderDiagnosticsPlugin>() {
+        app.add_plugins(RenderDiagnosticsPlugin);
+    }
+    if run.stats.is_some() && !run.plain_bevy {
+        app.add_plugins(StageClockPlugin);
     }
     app
 }

@@ -158,7 +158,7 @@ impl Options {
             _ => Technique::InstantRadiosity,
         };
         let quality = if settings == preset.settings() { preset } else { Quality::Custom(settings) };
-        GlobalIllumination { technique, quality }
+        GlobalIllumination { technique, quality, budget: self.budget }
     }
 
     fn steps(&self) -> Vec<Duration> {

@@ -36,7 +36,7 @@ pub const SMALL: GiSettings = GiSettings {
 
 /// Global illumination with those settings.
 pub fn illumination(settings: GiSettings) -> GlobalIllumination {
-    GlobalIllumination { technique: Technique::InstantRadiosity, quality: Quality::Custom(settings) }
+    GlobalIllumination { technique: Technique::InstantRadiosity, quality: Quality::Custom(settings), ..default() }
 }
 
 /// An app with one scene.

@@ -16,6 +16,7 @@
 //! otherwise ([`VoxelizedMesh`], [`GiLight`]).
 
 pub mod avg;
+pub mod budget;
 mod camera;
 pub mod compose;
 mod compute;
@@ -37,6 +38,7 @@ mod view;
 pub mod vpl;
 
 pub use avg::AvgPlugin;
+pub use budget::{BudgetPlugin, GiBudget};
 pub use compose::{GiComposePlugin, GiIsolate, ViewPass};
 pub use cssm::{CssmFilter, CssmObject, CssmPart, CssmPlugin, CssmSettings};
 pub use history::HistoryPlugin;

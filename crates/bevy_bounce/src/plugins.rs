@@ -6,10 +6,10 @@ use bevy::prelude::*;
 use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
-use crate::settings::{GiWorldSettings, extract_world_settings};
+use crate::settings::{GiWorldSettings, StatedLights, extract_world_settings};
 use crate::{
-    AvgPlugin, CssmPlugin, GiComposePlugin, GiForwardPlugin, GiScenePlugin, HistoryPlugin, InterleavedShadingPlugin,
-    ProbeVolumePlugin, RadianceCachePlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
+    AvgPlugin, BudgetPlugin, CssmPlugin, GiComposePlugin, GiForwardPlugin, GiScenePlugin, HistoryPlugin,
+    InterleavedShadingPlugin, ProbeVolumePlugin, RadianceCachePlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
 };
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.
@@ -26,6 +26,7 @@ use crate::{
 /// | [`RadianceCachePlugin`] | glossy light; `Technique::RadianceCache` | neither |
 /// | [`CssmPlugin`] | light from baked objects | `Technique::SurfaceRadiosity` bounces nothing |
 /// | [`HistoryPlugin`] | averages bounced light over frames | each frame by itself |
+/// | [`BudgetPlugin`] | follows [`GlobalIllumination::budget`](crate::GlobalIllumination::budget) | quality stays as stated |
 /// | [`GiComposePlugin`] | into the picture | Bevy's own picture |
 #[derive(Default)]
 pub struct GlobalIlluminationPlugins {
@@ -49,7 +50,8 @@ impl PluginGroup for GlobalIlluminationPlugins {
             .add(AvgPlugin)
             .add(VplPlugin)
             .add(ShadowAtlasPlugin)
-            .add(ProbeVolumePlugin);
+            .add(ProbeVolumePlugin)
+            .add(BudgetPlugin);
         if self.forward {
             return group.add(GiForwardPlugin);
         }
@@ -92,7 +94,10 @@ pub enum GiSystems {
 /// Orders the stages; every plugin of the group calls it, so that each works without the others.
 pub(crate) fn configure_stages(render_app: &mut SubApp) {
     if !render_app.world().contains_resource::<GiWorldSettings>() {
-        render_app.init_resource::<GiWorldSettings>().add_systems(ExtractSchedule, extract_world_settings);
+        render_app
+            .init_resource::<GiWorldSettings>()
+            .init_resource::<StatedLights>()
+            .add_systems(ExtractSchedule, extract_world_settings);
     }
     render_app
         .configure_sets(

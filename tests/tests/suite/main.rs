@@ -2,6 +2,7 @@
 
 mod agreement;
 mod beside;
+mod budget;
 mod compose;
 mod cssm;
 mod deform;

@@ -8,23 +8,30 @@ use bevy::render::sync_world::RenderEntity;
 
 use super::pipelines::ViewPipelines;
 use crate::view::{GiView, ViewTextures};
-use crate::{GiIsolate, GlobalIllumination};
+use crate::{GiBudget, GiIsolate, GlobalIllumination};
+
+type Cameras<'w, 's> = Query<
+    'w,
+    's,
+    (RenderEntity, &'static Camera, &'static GlobalIllumination, Option<&'static GiIsolate>, Option<&'static GiBudget>),
+    With<Camera3d>,
+>;
 
 /// Marks the views of cameras with bounced light, and takes everything from those that no longer have it.
 pub(super) fn extract_views(
     mut commands: Commands,
-    cameras: Extract<Query<(RenderEntity, &Camera, &GlobalIllumination, Option<&GiIsolate>), With<Camera3d>>>,
+    cameras: Extract<Cameras>,
     views: Query<Entity, With<GiView>>,
     mut active: Local<HashSet<Entity>>,
 ) {
     active.clear();
-    for (entity, camera, illumination, isolate) in &cameras {
+    for (entity, camera, illumination, isolate, budget) in &cameras {
         if camera.is_active && illumination.is_active() {
             active.insert(entity);
             let technique = illumination.technique;
-            let settings = illumination.settings();
+            let (settings, stated) = (illumination.given(budget), illumination.settings());
             let isolate = isolate.copied().unwrap_or_default();
-            commands.entity(entity).insert(GiView { isolate, technique, settings });
+            commands.entity(entity).insert(GiView { isolate, technique, settings, stated });
         }
     }
     for entity in views.iter().filter(|entity| !active.contains(entity)) {

@@ -1,5 +1,6 @@
 //! Settings at random, out of their ranges, too.
 
+use bevy::prelude::*;
 use bevy_bounce::{
     CssmFilter, CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, Resolution,
     SsbcSettings, Technique, VplVisibility,
@@ -20,7 +21,7 @@ pub fn illumination(random: &mut Rng) -> GlobalIllumination {
         2 => Quality::Medium,
         _ => Quality::Custom(settings(random)),
     };
-    GlobalIllumination { technique, quality }
+    GlobalIllumination { technique, quality, ..default() }
 }
 
 /// What a picture holds.
