@@ -158,7 +158,7 @@ impl Options {
             _ => Technique::InstantRadiosity,
         };
         let quality = if settings == preset.settings() { preset } else { Quality::Custom(settings) };
-        GlobalIllumination { technique, quality, budget: self.budget }
+        GlobalIllumination { technique, quality, budget: self.budget, ..Default::default() }
     }
 
     fn steps(&self) -> Vec<Duration> {

@@ -6,6 +6,7 @@ use bevy::prelude::*;
 use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
+use crate::compose::{extract_views, hand_back_resets};
 use crate::settings::{GiWorldSettings, StatedLights, extract_world_settings};
 use crate::{
     AvgPlugin, BudgetPlugin, CssmPlugin, GiComposePlugin, GiForwardPlugin, GiScenePlugin, HistoryPlugin,
@@ -97,7 +98,7 @@ pub(crate) fn configure_stages(render_app: &mut SubApp) {
         render_app
             .init_resource::<GiWorldSettings>()
             .init_resource::<StatedLights>()
-            .add_systems(ExtractSchedule, extract_world_settings);
+            .add_systems(ExtractSchedule, (extract_world_settings, hand_back_resets.after(extract_views)));
     }
     render_app
         .configure_sets(

@@ -25,6 +25,10 @@ pub struct GlobalIllumination {
     /// [`RenderDiagnosticsPlugin`](bevy::render::diagnostic::RenderDiagnosticsPlugin); see [`budget`](crate::budget).
     #[reflect(@0.1..=100.0_f32)]
     pub budget: Option<f32>,
+    /// For camera cuts: the next frame of this camera recalls neither history nor where radiance caches lay, and is to the bit what it
+    /// would be at a fresh start. Goes back to `false` by itself. Without it, what a cut shows is recalled by its place in the world,
+    /// and right to a few percent.
+    pub reset: bool,
 }
 
 /// How bounced light is computed.

@@ -35,6 +35,8 @@ pub(crate) struct GiView {
     pub settings: GiSettings,
     /// What the camera asks for.
     pub stated: GiSettings,
+    /// Whether this frame recalls nothing.
+    pub reset: bool,
 }
 
 /// Textures of a [`GiView`]; kept from frame to frame, made anew when the size changes.

@@ -5,6 +5,7 @@ mod beside;
 mod budget;
 mod compose;
 mod cssm;
+mod cuts;
 mod deform;
 mod guides;
 mod harness;

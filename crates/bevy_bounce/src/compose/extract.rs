@@ -3,8 +3,8 @@
 use bevy::pbr::deferred::SkipDeferredLighting;
 use bevy::platform::collections::HashSet;
 use bevy::prelude::*;
-use bevy::render::Extract;
 use bevy::render::sync_world::RenderEntity;
+use bevy::render::{Extract, MainWorld};
 
 use super::pipelines::ViewPipelines;
 use crate::view::{GiView, ViewTextures};
@@ -18,7 +18,7 @@ type Cameras<'w, 's> = Query<
 >;
 
 /// Marks the views of cameras with bounced light, and takes everything from those that no longer have it.
-pub(super) fn extract_views(
+pub(crate) fn extract_views(
     mut commands: Commands,
     cameras: Extract<Cameras>,
     views: Query<Entity, With<GiView>>,
@@ -31,10 +31,21 @@ pub(super) fn extract_views(
             let technique = illumination.technique;
             let (settings, stated) = (illumination.given(budget), illumination.settings());
             let isolate = isolate.copied().unwrap_or_default();
-            commands.entity(entity).insert(GiView { isolate, technique, settings, stated });
+            let reset = illumination.reset;
+            commands.entity(entity).insert(GiView { isolate, technique, settings, stated, reset });
         }
     }
     for entity in views.iter().filter(|entity| !active.contains(entity)) {
         commands.entity(entity).remove::<(GiView, ViewTextures, ViewPipelines, SkipDeferredLighting)>();
+    }
+}
+
+/// Resets have been seen to.
+pub(crate) fn hand_back_resets(mut main_world: ResMut<MainWorld>) {
+    let mut cameras = main_world.query::<(&Camera, &mut GlobalIllumination)>();
+    for (camera, mut illumination) in cameras.iter_mut(&mut main_world) {
+        if camera.is_active && illumination.reset {
+            illumination.bypass_change_detection().reset = false;
+        }
     }
 }

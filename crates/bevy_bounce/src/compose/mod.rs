@@ -26,6 +26,8 @@ use bevy::render::extract_component::ExtractComponent;
 use bevy::render::render_resource::SpecializedRenderPipelines;
 use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 
+pub(crate) use extract::{extract_views, hand_back_resets};
+
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
 use crate::recovery::forget_components;
@@ -94,7 +96,7 @@ impl Plugin for GiComposePlugin {
                 RenderStartup,
                 (pipelines::init_compose_pipelines.after(MeshPipelineSystems), forget_components::<ViewTextures>),
             )
-            .add_systems(ExtractSchedule, extract::extract_views)
+            .add_systems(ExtractSchedule, extract_views)
             .add_systems(
                 Render,
                 (

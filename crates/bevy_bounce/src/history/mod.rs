@@ -13,7 +13,8 @@
 //! surfaces: textures stay as sharp as they are.
 //!
 //! A frame that repeats the last one is the same to the bit, for nothing is off. Nothing is recalled in the first frame, after the size, the
-//! technique or any setting of the view changed (other than by its [`budget`](crate::budget)), and after a frame without bounced light. A camera that is cut needs nothing: what it
+//! technique or any setting of the view changed (other than by its [`budget`](crate::budget)), after a frame without bounced light, and where
+//! [`GlobalIllumination::reset`](crate::GlobalIllumination::reset) says so. A camera that is cut needs nothing: what it
 //! sees is recalled by its place in the world, or not at all.
 //!
 //! # Data

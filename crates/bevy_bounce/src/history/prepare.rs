@@ -96,9 +96,10 @@ impl History {
 
     /// Tells the shaders of the last frame, if it is to be looked back to, and takes this one for it.
     fn begin(&mut self, frame: Frame, asked: GiView) {
+        let reset = asked.reset;
         // What a budget takes and gives back is no other light.
-        let asked = GiView { settings: asked.stated, ..asked };
-        let kept = std::mem::take(self.kept.get_mut()) && self.asked == asked && frame.is_sound();
+        let asked = GiView { settings: asked.stated, reset: false, ..asked };
+        let kept = std::mem::take(self.kept.get_mut()) && !reset && self.asked == asked && frame.is_sound();
         let last = self.frame.filter(|last| kept && last.is_sound());
         let parameters = HistoryParameters { frames: asked.settings.history as f32, ..default() };
         self.parameters.set(last.map_or(parameters, |last| HistoryParameters {
