@@ -12,7 +12,7 @@ use bevy::render::diagnostic::RenderDiagnosticsPlugin;
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
 use bevy::window::{ExitCondition, WindowResolution};
 use bevy::winit::WinitPlugin;
-use bevy_bounce::GlobalIlluminationPlugins;
+use bevy_bounce::{GiGizmos, GlobalIlluminationPlugins};
 use bevy_bounce_egui::BouncePanelPlugin;
 
 use crate::stage_clock::StageClockPlugin;
@@ -82,6 +82,7 @@ pub fn build(run: &Run, assets: Option<PathBuf>) -> App {
         } else {
             GlobalIlluminationPlugins::default()
         });
+        app.insert_resource(GiGizmos { virtual_lights: run.gizmos, ..default() });
         if run.panel || !run.headless {
             app.add_plugins(BouncePanelPlugin { open: run.panel, ..default() });
         }

@@ -103,6 +103,9 @@ pub struct Options {
     /// Write adapter, sizes and times as JSON
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,
+    /// Draw the virtual lights
+    #[arg(long, conflicts_with = "plain_bevy")]
+    pub gizmos: bool,
     /// Open the panel, which F1 does in a window; PNGs show it, EXRs do not
     #[arg(long)]
     pub panel: bool,
@@ -146,6 +149,22 @@ pub enum IsolateOption {
     Direct,
     /// Bounced light alone
     Indirect,
+    /// What is reflected of it glossily
+    Glossy,
+    /// Bounced light as it falls on surfaces
+    Irradiance,
+    /// Left without bias compensation, right with it
+    Split,
+    /// Colours of the voxels
+    VoxelAlbedo,
+    /// Normals of the voxels
+    VoxelNormal,
+    /// Light that voxels send
+    VoxelLight,
+    /// Shadow maps of the virtual lights
+    ShadowAtlas,
+    /// Clusters of the radiance caches
+    Clusters,
 }
 
 /// `--resolution`, `--ssbc-resolution`

@@ -159,6 +159,7 @@ pub fn run(size: UVec2, illumination: Option<GlobalIllumination>) -> Run {
         exposure: None,
         webgpu_limits: webgpu_limits(),
         stats: None,
+        gizmos: false,
         panel: false,
         sky: None,
         forward: false,

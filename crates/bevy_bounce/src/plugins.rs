@@ -9,7 +9,7 @@ use bevy::render::{ExtractSchedule, Render, RenderSystems};
 use crate::compose::{extract_views, hand_back_resets};
 use crate::settings::{GiWorldSettings, StatedLights, extract_world_settings};
 use crate::{
-    AvgPlugin, BudgetPlugin, CssmPlugin, GiComposePlugin, GiForwardPlugin, GiScenePlugin, HistoryPlugin,
+    AvgPlugin, BudgetPlugin, CssmPlugin, GiComposePlugin, GiDebugPlugin, GiForwardPlugin, GiScenePlugin, HistoryPlugin,
     InterleavedShadingPlugin, ProbeVolumePlugin, RadianceCachePlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
 };
 
@@ -28,6 +28,7 @@ use crate::{
 /// | [`CssmPlugin`] | light from baked objects | `Technique::SurfaceRadiosity` bounces nothing |
 /// | [`HistoryPlugin`] | averages bounced light over frames | each frame by itself |
 /// | [`BudgetPlugin`] | follows [`GlobalIllumination::budget`](crate::GlobalIllumination::budget) | quality stays as stated |
+/// | [`GiDebugPlugin`] | pictures of intermediates, gizmos: see [`debug`](crate::debug) | neither |
 /// | [`GiComposePlugin`] | into the picture | Bevy's own picture |
 #[derive(Default)]
 pub struct GlobalIlluminationPlugins {
@@ -52,7 +53,8 @@ impl PluginGroup for GlobalIlluminationPlugins {
             .add(VplPlugin)
             .add(ShadowAtlasPlugin)
             .add(ProbeVolumePlugin)
-            .add(BudgetPlugin);
+            .add(BudgetPlugin)
+            .add(GiDebugPlugin);
         if self.forward {
             return group.add(GiForwardPlugin);
         }

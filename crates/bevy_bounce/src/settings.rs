@@ -181,8 +181,9 @@ impl GlobalIllumination {
     }
 
     /// What it asks of the world stages.
-    fn world_settings(&self, budget: Option<&GiBudget>) -> GiSettings {
+    fn world_settings(&self, budget: Option<&GiBudget>, isolate: Option<&GiIsolate>) -> GiSettings {
         let mut settings = self.given(budget);
+        settings.radiance_cache.glossy |= isolate == Some(&GiIsolate::VoxelLight);
         if self.technique == Technique::RadianceCache {
             settings.visibility = VplVisibility::None;
             // Pixels see the voxels that virtual lights light: a bounce of its own.
@@ -299,11 +300,11 @@ pub(crate) struct StatedLights(pub u32);
 pub(crate) fn extract_world_settings(
     mut world: ResMut<GiWorldSettings>,
     mut stated: ResMut<StatedLights>,
-    cameras: Extract<Query<(&GlobalIllumination, &Camera, Option<&GiBudget>)>>,
+    cameras: Extract<Query<(&GlobalIllumination, &Camera, Option<&GiBudget>, Option<&GiIsolate>)>>,
 ) {
-    let asking = || cameras.iter().filter(|(gi, camera, _)| camera.is_active && gi.technique.uses_grid());
+    let asking = || cameras.iter().filter(|(gi, camera, ..)| camera.is_active && gi.technique.uses_grid());
     stated.0 = asking().map(|(gi, ..)| gi.settings().vpls).max().unwrap_or(0);
-    world.0 = asking().map(|(gi, _, budget)| gi.world_settings(budget)).reduce(|a, b| GiSettings {
+    world.0 = asking().map(|(gi, _, budget, isolate)| gi.world_settings(budget, isolate)).reduce(|a, b| GiSettings {
         grid: a.grid.max(b.grid).min(if a.lights_grid() || b.lights_grid() { MAX_LIT_GRID } else { u32::MAX }),
         vpls: a.vpls.max(b.vpls),
         bounces: a.bounces.max(b.bounces),

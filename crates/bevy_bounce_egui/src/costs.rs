@@ -32,10 +32,10 @@ pub(crate) fn show(world: &mut World) {
             if adapter.is_some_and(|(_, kind)| kind == wgpu::DeviceType::Cpu) {
                 ui.weak("Software adapter: stages take each other's time.");
             }
-            heading(ui, "Time", |ui| times(ui, diagnostics));
             if !budgets.is_empty() {
                 heading(ui, "Budget", |ui| budgets.iter().for_each(|budget| budget.show(ui)));
             }
+            heading(ui, "Time", |ui| times(ui, diagnostics));
             heading(ui, "Counts", |ui| counts(ui, &counted));
             heading(ui, "GPU memory", |ui| memory(ui, &counted.bytes));
         });

@@ -6,6 +6,7 @@ mod budget;
 mod compose;
 mod cssm;
 mod cuts;
+mod debug;
 mod deform;
 mod guides;
 mod harness;

@@ -26,8 +26,13 @@ pub fn illumination(random: &mut Rng) -> GlobalIllumination {
 
 /// What a picture holds.
 pub fn isolate(random: &mut Rng) -> GiIsolate {
-    use GiIsolate::{All, Bounded, Direct, Indirect, Residual};
-    one_of(random, &[All, All, Direct, Indirect, Bounded, Residual])
+    use GiIsolate::{
+        All, Bounded, Clusters, Direct, Glossy, Indirect, Irradiance, Residual, ShadowAtlas, Split, VoxelAlbedo,
+        VoxelLight, VoxelNormal,
+    };
+    let light = [All, All, All, All, Direct, Indirect, Bounded, Residual, Split, Glossy, Irradiance];
+    let pictures = [VoxelAlbedo, VoxelNormal, VoxelLight, ShadowAtlas, Clusters];
+    one_of(random, &[&light[..], &pictures].concat())
 }
 
 fn resolution(random: &mut Rng) -> Resolution {
