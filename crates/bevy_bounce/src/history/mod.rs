@@ -9,6 +9,8 @@
 //!    Salvi 2016, "An Excursion in Temporal Supersampling".
 //! 2. `keep` writes the average into the view's light, and keeps it with what each pixel shows.
 //!
+//! Where a [`budget`](crate::budget) has changed the number of lights, history may be further off for 40 frames.
+//!
 //! Diffuse light first, glossy light after it where there is any. Light is irradiance, before it is multiplied by the colours of
 //! surfaces: textures stay as sharp as they are.
 //!
