@@ -170,10 +170,10 @@ mod tests {
     fn only_lights_of_the_list_are_drawn() {
         let header = VplHeader { count: 2, ..default() };
         let lit = Vpl { position: Vec3::X, normal: Vec3::Y, flux: Vec3::new(2.0, 1.0, 0.0), ..default() };
-        let mut bytes = StorageBuffer::new(Vec::new());
+        let mut bytes = StorageBuffer::new(Vec::<u8>::new());
         bytes.write(&header).expect("is written");
         let mut bytes = bytes.into_inner();
-        let mut list = StorageBuffer::new(Vec::new());
+        let mut list = StorageBuffer::new(Vec::<u8>::new());
         list.write(&vec![lit, Vpl::default(), lit]).expect("is written");
         bytes.extend(list.into_inner());
         let mark = Mark { position: Vec3::X, normal: Vec3::Y, color: LinearRgba::rgb(1.0, 0.5, 0.0) };
