@@ -12,7 +12,7 @@ use bevy::render::diagnostic::RenderDiagnosticsPlugin;
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
 use bevy::window::{ExitCondition, WindowResolution};
 use bevy::winit::WinitPlugin;
-use bevy_bounce::GlobalIlluminationPlugins;
+use bevy_bounce::{GiGizmos, GlobalIlluminationPlugins};
 use bevy_bounce_egui::BouncePanelPlugin;
 
 use crate::stage_clock::StageClockPlugin;
@@ -82,6 +82,7 @@ pub fn build(run: &Run, assets: Option<PathBuf>) -> App {
         } else {
             GlobalIlluminationPlugins::default()
         });
+        app.insert_resource(GiGizmos { virtual_lights: run.gizmos, ..default() });
         if run.panel || !run.headless {
             app.add_plugins(BouncePanelPlugin { open: run.panel, ..default() });
         }
@@ -90,13 +91,12 @@ pub fn build(run: &Run, assets: Option<PathBuf>) -> App {
         .insert_resource(ClearColor(Color::BLACK))
         .insert_resource(GlobalAmbientLight::NONE)
         .add_plugins((camera::CameraPlugin, capture::CapturePlugin));
-    if run.stats.is_some() {
-        if !app.is_plugin_added::<RenderDiagnosticsPlugin>() {
-            app.add_plugins(RenderDiagnosticsPlugin);
-        }
-        if !run.plain_bevy {
-            app.add_plugins(StageClockPlugin);
-        }
+    let budget = run.illumination.as_ref().is_some_and(|illumination| illumination.budget.is_some());
+    if (run.stats.is_some() || budget) && !app.is_plugin_added::<RenderDiagnosticsPlugin>() {
+        app.add_plugins(RenderDiagnosticsPlugin);
+    }
+    if run.stats.is_some() && !run.plain_bevy {
+        app.add_plugins(StageClockPlugin);
     }
     app
 }

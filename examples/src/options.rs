@@ -37,6 +37,9 @@ pub struct Options {
     /// Virtual point lights, over the quality's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=65_536))]
     pub vpls: Option<u32>,
+    /// Milliseconds of GPU time for bounced light: the quality gives way where it takes longer
+    #[arg(long, value_name = "MS", value_parser = parse_budget)]
+    pub budget: Option<f32>,
     /// Longest light path, in bounces, over the quality's
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=31))]
     pub bounces: Option<u32>,
@@ -103,6 +106,9 @@ pub struct Options {
     /// Write adapter, sizes and times as JSON
     #[arg(long, value_name = "FILE.json")]
     pub stats: Option<PathBuf>,
+    /// Draw the virtual lights
+    #[arg(long, conflicts_with = "plain_bevy")]
+    pub gizmos: bool,
     /// Open the panel, which F1 does in a window; PNGs show it, EXRs do not
     #[arg(long)]
     pub panel: bool,
@@ -146,6 +152,22 @@ pub enum IsolateOption {
     Direct,
     /// Bounced light alone
     Indirect,
+    /// What is reflected of it glossily
+    Glossy,
+    /// Bounced light as it falls on surfaces
+    Irradiance,
+    /// Left without bias compensation, right with it
+    Split,
+    /// Colours of the voxels
+    VoxelAlbedo,
+    /// Normals of the voxels
+    VoxelNormal,
+    /// Light that voxels send
+    VoxelLight,
+    /// Shadow maps of the virtual lights
+    ShadowAtlas,
+    /// Clusters of the radiance caches
+    Clusters,
 }
 
 /// `--resolution`, `--ssbc-resolution`
@@ -235,6 +257,11 @@ fn parse_size(text: &str) -> Result<UVec2, String> {
 fn parse_seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse().ok().filter(|seconds| (0.0..=86_400.0).contains(seconds));
     seconds.ok_or_else(|| "give seconds, 0 to 86400".to_owned())
+}
+
+fn parse_budget(text: &str) -> Result<f32, String> {
+    let milliseconds = text.parse().ok().filter(|milliseconds| (0.1..=100.0).contains(milliseconds));
+    milliseconds.ok_or_else(|| "give milliseconds, 0.1 to 100".to_owned())
 }
 
 fn parse_exposure(text: &str) -> Result<f32, String> {

@@ -36,6 +36,8 @@ pub struct Run {
     pub webgpu_limits: bool,
     /// Where statistics go.
     pub stats: Option<PathBuf>,
+    /// With the virtual lights drawn.
+    pub gizmos: bool,
     /// With the panel open.
     pub panel: bool,
     /// Constant sky.
@@ -82,6 +84,7 @@ impl Options {
             exposure: self.exposure,
             webgpu_limits: self.webgpu_limits,
             stats: self.stats.clone(),
+            gizmos: self.gizmos,
             panel: self.panel,
             sky: self.sky,
             forward: self.forward,
@@ -106,6 +109,14 @@ impl Options {
             (Some(ShowOption::Compensated), _) | (None, IsolateOption::Indirect) => GiIsolate::Indirect,
             (None, IsolateOption::All) => GiIsolate::All,
             (None, IsolateOption::Direct) => GiIsolate::Direct,
+            (None, IsolateOption::Glossy) => GiIsolate::Glossy,
+            (None, IsolateOption::Irradiance) => GiIsolate::Irradiance,
+            (None, IsolateOption::Split) => GiIsolate::Split,
+            (None, IsolateOption::VoxelAlbedo) => GiIsolate::VoxelAlbedo,
+            (None, IsolateOption::VoxelNormal) => GiIsolate::VoxelNormal,
+            (None, IsolateOption::VoxelLight) => GiIsolate::VoxelLight,
+            (None, IsolateOption::ShadowAtlas) => GiIsolate::ShadowAtlas,
+            (None, IsolateOption::Clusters) => GiIsolate::Clusters,
         }
     }
 
@@ -159,7 +170,7 @@ impl Options {
             _ => Technique::InstantRadiosity,
         };
         let quality = if settings == preset.settings() { preset } else { Quality::Custom(settings) };
-        GlobalIllumination { technique, quality }
+        GlobalIllumination { technique, quality, budget: self.budget, ..Default::default() }
     }
 
     fn steps(&self) -> Vec<Duration> {

@@ -119,6 +119,9 @@ shaders! {
     "compose/gbuffer.wgsl" => [],
     "compose/direct.wgsl" => [],
     "compose/compose.wgsl" => [],
+    "debug/voxels.wgsl" => ["show_voxels"],
+    "debug/atlas.wgsl" => ["show_atlas"],
+    "debug/clusters.wgsl" => ["show_clusters"],
 }
 
 /// The shader of that path.

@@ -518,8 +518,8 @@ pub struct HistoryParameters {
     pub frames: f32,
     /// 1 where there is a last frame, 0 where not.
     pub valid: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding: u32,
+    /// 0, or up to 1 after a budget has changed how many lights there are: how much further off history may be.
+    pub leniency: f32,
 }
 
 /// Baked objects that are lit at a time, at most.

@@ -37,7 +37,7 @@ pub const SMALL: GiSettings = GiSettings {
 
 /// Global illumination with those settings.
 pub fn illumination(settings: GiSettings) -> GlobalIllumination {
-    GlobalIllumination { technique: Technique::InstantRadiosity, quality: Quality::Custom(settings) }
+    GlobalIllumination { technique: Technique::InstantRadiosity, quality: Quality::Custom(settings), ..default() }
 }
 
 /// An app with one scene.
@@ -160,6 +160,7 @@ pub fn run(size: UVec2, illumination: Option<GlobalIllumination>) -> Run {
         exposure: None,
         webgpu_limits: webgpu_limits(),
         stats: None,
+        gizmos: false,
         panel: false,
         sky: None,
         forward: false,

@@ -16,10 +16,12 @@
 //! otherwise ([`VoxelizedMesh`], [`GiLight`]).
 
 pub mod avg;
+pub mod budget;
 mod camera;
 pub mod compose;
 mod compute;
 pub mod cssm;
+pub mod debug;
 pub mod history;
 pub mod interleaved;
 mod memory;
@@ -37,8 +39,10 @@ mod view;
 pub mod vpl;
 
 pub use avg::AvgPlugin;
+pub use budget::{BudgetPlugin, GiBudget};
 pub use compose::{GiComposePlugin, GiIsolate, ViewPass};
 pub use cssm::{CssmFilter, CssmObject, CssmPart, CssmPlugin, CssmSettings};
+pub use debug::{GiDebugPlugin, GiGizmos, VirtualLightGizmos};
 pub use history::HistoryPlugin;
 pub use interleaved::InterleavedShadingPlugin;
 pub use memory::gpu_memory;

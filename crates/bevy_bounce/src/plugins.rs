@@ -6,10 +6,11 @@ use bevy::prelude::*;
 use bevy::render::renderer::{RenderGraph, RenderGraphSystems};
 use bevy::render::{ExtractSchedule, Render, RenderSystems};
 
-use crate::settings::{GiWorldSettings, extract_world_settings};
+use crate::compose::{extract_views, hand_back_resets};
+use crate::settings::{GiWorldSettings, StatedLights, extract_world_settings};
 use crate::{
-    AvgPlugin, CssmPlugin, GiComposePlugin, GiForwardPlugin, GiScenePlugin, HistoryPlugin, InterleavedShadingPlugin,
-    ProbeVolumePlugin, RadianceCachePlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
+    AvgPlugin, BudgetPlugin, CssmPlugin, GiComposePlugin, GiDebugPlugin, GiForwardPlugin, GiScenePlugin, HistoryPlugin,
+    InterleavedShadingPlugin, ProbeVolumePlugin, RadianceCachePlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
 };
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.
@@ -26,6 +27,8 @@ use crate::{
 /// | [`RadianceCachePlugin`] | glossy light; `Technique::RadianceCache` | neither |
 /// | [`CssmPlugin`] | light from baked objects | `Technique::SurfaceRadiosity` bounces nothing |
 /// | [`HistoryPlugin`] | averages bounced light over frames | each frame by itself |
+/// | [`BudgetPlugin`] | follows [`GlobalIllumination::budget`](crate::GlobalIllumination::budget) | quality stays as stated |
+/// | [`GiDebugPlugin`] | pictures of intermediates, gizmos: see [`debug`](crate::debug) | neither |
 /// | [`GiComposePlugin`] | into the picture | Bevy's own picture |
 #[derive(Default)]
 pub struct GlobalIlluminationPlugins {
@@ -49,7 +52,9 @@ impl PluginGroup for GlobalIlluminationPlugins {
             .add(AvgPlugin)
             .add(VplPlugin)
             .add(ShadowAtlasPlugin)
-            .add(ProbeVolumePlugin);
+            .add(ProbeVolumePlugin)
+            .add(BudgetPlugin)
+            .add(GiDebugPlugin);
         if self.forward {
             return group.add(GiForwardPlugin);
         }
@@ -92,7 +97,10 @@ pub enum GiSystems {
 /// Orders the stages; every plugin of the group calls it, so that each works without the others.
 pub(crate) fn configure_stages(render_app: &mut SubApp) {
     if !render_app.world().contains_resource::<GiWorldSettings>() {
-        render_app.init_resource::<GiWorldSettings>().add_systems(ExtractSchedule, extract_world_settings);
+        render_app
+            .init_resource::<GiWorldSettings>()
+            .init_resource::<StatedLights>()
+            .add_systems(ExtractSchedule, (extract_world_settings, hand_back_resets.after(extract_views)));
     }
     render_app
         .configure_sets(

@@ -5,7 +5,7 @@ use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
 
 use crate::compute::MAX_WORKGROUPS;
-use crate::{CssmSettings, GiIsolate, RadianceCacheSettings, SsbcSettings};
+use crate::{CssmSettings, GiBudget, GiIsolate, RadianceCacheSettings, SsbcSettings};
 
 /// Lights what this camera sees with bounced light, right in every frame.
 ///
@@ -20,6 +20,15 @@ pub struct GlobalIllumination {
     pub technique: Technique,
     /// How much is spent on it.
     pub quality: Quality,
+    /// Milliseconds that the plugins may take on the GPU each frame, 0.1 to 100: `quality` is followed as far as that allows, down
+    /// quickly and up slowly. `None` follows it whatever it takes. Needs Bevy's
+    /// [`RenderDiagnosticsPlugin`](bevy::render::diagnostic::RenderDiagnosticsPlugin); see [`budget`](crate::budget).
+    #[reflect(@0.1..=100.0_f32)]
+    pub budget: Option<f32>,
+    /// For camera cuts: the next frame of this camera recalls neither history nor where radiance caches lay, and is to the bit what it
+    /// would be at a fresh start. Goes back to `false` by itself. Without it, what a cut shows is recalled by its place in the world,
+    /// and right to a few percent.
+    pub reset: bool,
 }
 
 /// How bounced light is computed.
@@ -158,6 +167,12 @@ impl Technique {
 }
 
 impl GlobalIllumination {
+    /// What the camera is lit by: the settings of its quality, without what its budget takes and what its technique has no use for.
+    pub fn given(&self, budget: Option<&GiBudget>) -> GiSettings {
+        let share = budget.filter(|_| self.budget.is_some()).map_or(1.0, |budget| budget.share);
+        self.settings().at_share(share)
+    }
+
     /// Settings of this camera alone, within their ranges.
     pub(crate) fn settings(&self) -> GiSettings {
         let mut settings = self.quality.settings();
@@ -175,8 +190,9 @@ impl GlobalIllumination {
     }
 
     /// What it asks of the world stages.
-    fn world_settings(&self) -> GiSettings {
-        let mut settings = self.settings();
+    fn world_settings(&self, budget: Option<&GiBudget>, isolate: Option<&GiIsolate>) -> GiSettings {
+        let mut settings = self.given(budget);
+        settings.radiance_cache.glossy |= isolate == Some(&GiIsolate::VoxelLight);
         if self.technique == Technique::RadianceCache {
             settings.visibility = VplVisibility::None;
             // Pixels see the voxels that virtual lights light: a bounce of its own.
@@ -204,11 +220,13 @@ impl GiSettings {
     pub(crate) fn lights_grid(&self) -> bool {
         self.radiance_cache.glossy
     }
+}
 
+impl StatedLights {
     /// Triangles that cast shadows, at most: levels of detail are chosen accordingly. One dispatch places them, a workgroup a
     /// mesh or more.
-    pub(crate) fn occluders(&self) -> u32 {
-        (OCCLUSION_BUDGET / self.vpls.max(1)).min(MAX_WORKGROUPS)
+    pub fn occluders(&self) -> u32 {
+        (OCCLUSION_BUDGET / self.0.max(1)).min(MAX_WORKGROUPS)
     }
 }
 
@@ -285,28 +303,32 @@ impl Quality {
 #[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct GiWorldSettings(pub Option<GiSettings>);
 
+/// Virtual lights that the cameras of [`GiWorldSettings`] would have without budgets: what room is held for, and what does not change
+/// with a budget.
+#[derive(Resource, Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct StatedLights(pub u32);
+
 pub(crate) fn extract_world_settings(
     mut world: ResMut<GiWorldSettings>,
-    cameras: Extract<Query<(&GlobalIllumination, &Camera)>>,
+    mut stated: ResMut<StatedLights>,
+    cameras: Extract<Query<(&GlobalIllumination, &Camera, Option<&GiBudget>, Option<&GiIsolate>)>>,
 ) {
-    world.0 = cameras
-        .iter()
-        .filter(|(gi, camera)| camera.is_active && gi.technique.uses_grid())
-        .map(|(gi, _)| gi.world_settings())
-        .reduce(|a, b| GiSettings {
-            grid: a.grid.max(b.grid).min(if a.lights_grid() || b.lights_grid() { MAX_LIT_GRID } else { u32::MAX }),
-            range: a.range.max(b.range),
-            vpls: a.vpls.max(b.vpls),
-            bounces: a.bounces.max(b.bounces),
-            visibility: a.visibility.max(b.visibility),
-            tile: a.tile.max(b.tile),
-            bound: a.bound.min(b.bound),
-            probes: a.probes.max(b.probes),
-            sky: a.sky.max(b.sky),
-            resolution: a.resolution,
-            ssbc: a.ssbc,
-            cssm: a.cssm,
-            radiance_cache: a.radiance_cache.more(b.radiance_cache),
-            history: a.history,
-        });
+    let asking = || cameras.iter().filter(|(gi, camera, ..)| camera.is_active && gi.technique.uses_grid());
+    stated.0 = asking().map(|(gi, ..)| gi.settings().vpls).max().unwrap_or(0);
+    world.0 = asking().map(|(gi, _, budget, isolate)| gi.world_settings(budget, isolate)).reduce(|a, b| GiSettings {
+        grid: a.grid.max(b.grid).min(if a.lights_grid() || b.lights_grid() { MAX_LIT_GRID } else { u32::MAX }),
+        range: a.range.max(b.range),
+        vpls: a.vpls.max(b.vpls),
+        bounces: a.bounces.max(b.bounces),
+        visibility: a.visibility.max(b.visibility),
+        tile: a.tile.max(b.tile),
+        bound: a.bound.min(b.bound),
+        probes: a.probes.max(b.probes),
+        sky: a.sky.max(b.sky),
+        resolution: a.resolution,
+        ssbc: a.ssbc,
+        cssm: a.cssm,
+        radiance_cache: a.radiance_cache.more(b.radiance_cache),
+        history: a.history,
+    });
 }

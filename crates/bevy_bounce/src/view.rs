@@ -31,8 +31,12 @@ pub(crate) struct GiView {
     pub isolate: GiIsolate,
     /// How bounced light is computed.
     pub technique: Technique,
-    /// What the camera asks for.
+    /// What it is given.
     pub settings: GiSettings,
+    /// What the camera asks for.
+    pub stated: GiSettings,
+    /// Whether this frame recalls nothing.
+    pub reset: bool,
 }
 
 /// Textures of a [`GiView`]; kept from frame to frame, made anew when the size changes.

@@ -1,6 +1,7 @@
 //! The panel's camera, which is there while the panel is open: it draws over the picture of the first camera with bounced light,
 //! whose own render passes it leaves alone.
 
+use bevy::camera::visibility::RenderLayers;
 use bevy::camera::{CameraOutputMode, RenderTarget};
 use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
 use bevy::prelude::*;
@@ -66,6 +67,8 @@ fn panel_camera(target: RenderTarget, order: isize) -> impl Bundle {
         Camera2d,
         camera,
         target,
+        // Gizmos are of the scene.
+        RenderLayers::none(),
         Msaa::Off,
         Tonemapping::None,
         DebandDither::Disabled,

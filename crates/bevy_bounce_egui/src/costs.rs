@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use bevy::diagnostic::{Diagnostic, DiagnosticsStore, FrameTimeDiagnosticsPlugin};
 use bevy::prelude::*;
 use bevy::render::renderer::RenderAdapterInfo;
+use bevy_bounce::{GiBudget, GlobalIllumination};
 use bevy_egui::egui::{Align2, CollapsingHeader, Grid, ScrollArea, Sense, Shape, Stroke, Ui, Window, pos2};
 
 use crate::settings::{MARGIN, WIDTH, context};
@@ -18,6 +19,7 @@ pub(crate) fn show(world: &mut World) {
     let Some(context) = context(world) else { return };
     let counted = world.resource::<Counts>().counted().unwrap_or_default();
     let adapter = world.get_resource::<RenderAdapterInfo>().map(|info| (info.name.clone(), info.device_type));
+    let budgets = budgets(world);
     let diagnostics = world.resource::<DiagnosticsStore>();
     let (right, height) = (context.content_rect().right(), context.content_rect().height() - MARGIN);
     let window = Window::new("Cost").pivot(Align2::RIGHT_TOP).default_pos([right - 8.0, 8.0]);
@@ -30,6 +32,9 @@ pub(crate) fn show(world: &mut World) {
             if adapter.is_some_and(|(_, kind)| kind == wgpu::DeviceType::Cpu) {
                 ui.weak("Software adapter: stages take each other's time.");
             }
+            if !budgets.is_empty() {
+                heading(ui, "Budget", |ui| budgets.iter().for_each(|budget| budget.show(ui)));
+            }
             heading(ui, "Time", |ui| times(ui, diagnostics));
             heading(ui, "Counts", |ui| counts(ui, &counted));
             heading(ui, "GPU memory", |ui| memory(ui, &counted.bytes));
@@ -39,6 +44,49 @@ pub(crate) fn show(world: &mut World) {
 
 fn heading(ui: &mut Ui, name: &str, body: impl FnOnce(&mut Ui)) {
     CollapsingHeader::new(name).default_open(true).show(ui, body);
+}
+
+/// What a camera may take, takes, and is given for it.
+struct Budget {
+    camera: Option<Name>,
+    illumination: GlobalIllumination,
+    left: GiBudget,
+}
+
+fn budgets(world: &mut World) -> Vec<Budget> {
+    let mut cameras = world.query::<(Option<&Name>, &GlobalIllumination, &GiBudget)>();
+    let copy = |(name, illumination, left): (Option<&Name>, &GlobalIllumination, &GiBudget)| Budget {
+        camera: name.cloned(),
+        illumination: illumination.clone(),
+        left: *left,
+    };
+    cameras.iter(world).map(copy).collect()
+}
+
+impl Budget {
+    fn show(&self, ui: &mut Ui) {
+        if let Some(name) = &self.camera {
+            ui.strong(name.as_str());
+        }
+        let spent = self.left.spent.map_or_else(|| "-".to_owned(), |spent| format!("{spent:.2}"));
+        let may = self.illumination.budget.unwrap_or_default();
+        let (stated, given) = (self.illumination.given(None), self.illumination.given(Some(&self.left)));
+        Grid::new(("budget", self.camera.as_ref())).num_columns(2).striped(true).min_col_width(WIDTH / 2.0).show(
+            ui,
+            |ui| {
+                for (name, value) in [
+                    ("spent", format!("{spent} of {may:.2} ms")),
+                    ("share of the quality", format!("{:.0} %", 100.0 * self.left.share)),
+                    ("virtual lights", format!("{} of {}", given.vpls, stated.vpls)),
+                    ("directions of the sky", format!("{} of {}", given.sky, stated.sky)),
+                ] {
+                    ui.label(name);
+                    ui.label(value);
+                    ui.end_row();
+                }
+            },
+        );
+    }
 }
 
 /// A row for the frame and one for each stage: time now, and how it went.

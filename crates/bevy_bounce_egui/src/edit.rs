@@ -9,7 +9,7 @@ use bevy::reflect::{NamedField, ReflectKind, ReflectMut, TypeInfo, TypeRegistry}
 use bevy_bounce::Quality;
 use bevy_egui::egui::{Align, CollapsingHeader, ComboBox, Layout, Response, Ui};
 
-use crate::number::number;
+use crate::number::{number, optional};
 
 /// What [`edit`] did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,6 +51,10 @@ pub fn edit(ui: &mut Ui, registry: &TypeRegistry, name: &str, value: &mut dyn Pa
 fn value_rows(ui: &mut Ui, registry: &TypeRegistry, field: Field, value: &mut dyn PartialReflect) -> Edited {
     if let Some(quality) = value.try_downcast_mut::<Quality>() {
         return quality_rows(ui, registry, field, quality);
+    }
+    if let Some(value) = value.try_downcast_mut::<Option<f32>>() {
+        let changed = labelled(ui, field, |ui| optional(ui, value, field.attributes));
+        return Edited { shown: 2, changed };
     }
     let info = value.get_represented_type_info();
     match value.reflect_kind() {

@@ -28,6 +28,20 @@ pub(crate) fn number(
     None
 }
 
+/// A number that may be there or not, and a switch for that; switched on, it is the highest of its range. Whether it changed.
+pub(crate) fn optional(ui: &mut Ui, value: &mut Option<f32>, attributes: Option<&CustomAttributes>) -> bool {
+    let range = attributes.and_then(CustomAttributes::get::<RangeInclusive<f32>>);
+    let first = range.map_or(1.0, |range| *range.end());
+    let mut number = value.unwrap_or(first);
+    let mut on = value.is_some();
+    let mut changed = ui.checkbox(&mut on, "").changed();
+    changed |= ui.add_enabled_ui(on, |ui| drag(ui, &mut number, range).changed()).inner;
+    if changed {
+        *value = on.then_some(number);
+    }
+    changed
+}
+
 fn drag<T: Numeric>(ui: &mut Ui, value: &mut T, range: Option<&RangeInclusive<T>>) -> Response {
     let least = if T::INTEGRAL { 0.1 } else { 1e-3 };
     let speed = (value.to_f64().abs() * SPEED).max(least);

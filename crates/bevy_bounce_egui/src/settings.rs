@@ -3,7 +3,7 @@
 use bevy::ecs::reflect::{AppTypeRegistry, ReflectComponent};
 use bevy::prelude::*;
 use bevy::reflect::TypeRegistry;
-use bevy_bounce::GlobalIllumination;
+use bevy_bounce::{GiBudget, GiGizmos, GlobalIllumination};
 use bevy_egui::EguiContext;
 use bevy_egui::egui::{Context, ScrollArea, Ui, Window};
 
@@ -61,14 +61,27 @@ pub(crate) fn show(world: &mut World) {
                 }
                 shown += ui.push_id(camera, |ui| camera_rows(ui, world, &registry, *camera)).inner;
             }
+            shown += gizmo_rows(ui, world, &registry);
         });
     });
     world.resource_mut::<BouncePanel>().bypass_change_detection().settings = shown;
 }
 
+/// What is drawn over all pictures.
+fn gizmo_rows(ui: &mut Ui, world: &mut World, registry: &TypeRegistry) -> usize {
+    let Some(mut gizmos) = world.get_resource::<GiGizmos>().copied() else { return 0 };
+    let edited = edit(ui, registry, "Gizmos", &mut gizmos);
+    if edited.changed {
+        world.insert_resource(gizmos);
+    }
+    edited.shown
+}
+
 fn camera_rows(ui: &mut Ui, world: &mut World, registry: &TypeRegistry, camera: Entity) -> usize {
     let mut shown = 0;
-    for mut component in components(world, registry, camera) {
+    // What a budget leaves is no wish, and stands with the costs.
+    let settings = components(world, registry, camera).into_iter().filter(|component| !component.is::<GiBudget>());
+    for mut component in settings {
         let name = component.reflect_short_type_path().to_owned();
         let edited: Edited = edit(ui, registry, &name, component.as_partial_reflect_mut());
         if edited.changed {

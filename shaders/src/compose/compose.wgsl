@@ -62,7 +62,15 @@ fn left_by_screen_space(surface: PbrInput) -> f32 {
 /// Bounced light that the surface sends on.
 fn indirect_light(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
     let irradiance = textureLoad(light_texture, pixel, 1, 0).rgb * surface.diffuse_occlusion;
-    let radiance = textureLoad(light_texture, pixel, 2, 0).rgb * (surface.specular_occlusion * left_by_screen_space(surface));
+    return reflected_light(surface, irradiance, glossy_radiance(surface, pixel));
+}
+
+/// Bounced light convolved with the surface's lobe.
+fn glossy_radiance(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
+    return textureLoad(light_texture, pixel, 2, 0).rgb * (surface.specular_occlusion * left_by_screen_space(surface));
+}
+
+fn reflected_light(surface: PbrInput, irradiance: vec3<f32>, radiance: vec3<f32>) -> vec3<f32> {
     let material = surface.material;
     let f_ab = lighting::F_AB(material.perceptual_roughness, max(dot(surface.N, surface.V), 0.0001));
     let dielectric = reflected(pbr_functions::calculate_F0_dielectric(material.reflectance), f_ab);
@@ -102,13 +110,61 @@ fn compose(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     return main_pass_post_lighting_processing(surface, color);
 }
 
+const BLACK: vec4<f32> = vec4<f32>(0.0, 0.0, 0.0, 1.0);
+
+fn is_lit(pixel: vec2<i32>) -> bool {
+    return textureLoad(light_texture, pixel, 0, 0).a != 0.0;
+}
+
 /// Bounced light alone; black where nothing is lit.
 @fragment
 fn isolate_indirect(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let target_pixel = vec2<i32>(position.xy);
     let pixel = view_pixel(target_pixel);
-    if textureLoad(light_texture, pixel, 0, 0).a == 0.0 {
-        return vec4<f32>(0.0, 0.0, 0.0, 1.0);
+    if !is_lit(pixel) {
+        return BLACK;
     }
     return vec4<f32>(indirect_light(load_pbr_input(target_pixel), pixel), 1.0);
+}
+
+/// The same, with a line between the halves of the picture.
+@fragment
+fn isolate_halves(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let target_pixel = vec2<i32>(position.xy);
+    let pixel = view_pixel(target_pixel);
+    if pixel.x == i32(view_bindings::view.main_pass_viewport.z) / 2 {
+        return vec4<f32>(1.0);
+    }
+    if !is_lit(pixel) {
+        return BLACK;
+    }
+    return vec4<f32>(indirect_light(load_pbr_input(target_pixel), pixel), 1.0);
+}
+
+/// Glossy bounced light alone.
+@fragment
+fn isolate_glossy(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let target_pixel = vec2<i32>(position.xy);
+    let pixel = view_pixel(target_pixel);
+    var color = BLACK;
+#ifdef COMPOSE_GLOSSY
+    if is_lit(pixel) {
+        let surface = load_pbr_input(target_pixel);
+        color = vec4<f32>(reflected_light(surface, vec3<f32>(0.0), glossy_radiance(surface, pixel)), 1.0);
+    }
+#endif
+    return color;
+}
+
+/// Bounced light as it falls on surfaces.
+@fragment
+fn isolate_irradiance(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    let pixel = view_pixel(vec2<i32>(position.xy));
+    return vec4<f32>(select(vec3<f32>(0.0), textureLoad(light_texture, pixel, 1, 0).rgb, is_lit(pixel)), 1.0);
+}
+
+/// What was drawn over the bounced light.
+@fragment
+fn isolate_picture(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
+    return vec4<f32>(textureLoad(light_texture, view_pixel(vec2<i32>(position.xy)), 1, 0).rgb, 1.0);
 }

@@ -4,7 +4,8 @@
 // around that show the same surface. Salvi 2016, "An Excursion in Temporal Supersampling", clips history to the range that these span;
 // here its weight falls with the square of how far it is off, and at the end of the range it is forgotten. So a light that is switched
 // shows in that frame, and no pixel is ever further off its own frame's light than 2 / sqrt(27) of the range: 2.4 percent where light
-// is even, 4.1 percent where it is not.
+// is even, 4.1 percent where it is not. After a budget has changed how many lights there are, the light is the same but for where these
+// lie: then the range is `LENIENT` times as wide at first and within it hardly any weight is lost, so that the new lights are faded in.
 //
 // Cost: nine texels of light and of surfaces, and what `recall.wgsl` costs.
 
@@ -20,6 +21,8 @@ const TOLERANCE: f32 = 0.06;
 /// Standard deviations by which it may be off besides, and share of the light that these are at most.
 const DEVIATIONS: f32 = 0.25;
 const LARGEST_DEVIATION: f32 = 0.04;
+/// Times the range is as wide at full leniency.
+const LENIENT: f32 = 8.0;
 /// Share of a half float that takes it to the next one.
 const HALF_STEP: f32 = 0.0005;
 /// Pre-exposed light below what any display shows.
@@ -56,9 +59,13 @@ fn averaged(surface: Surface, pixel: vec2<u32>, light: vec3<f32>) -> vec4<f32> {
     // Of both, so that what grows is let go as readily as what shrinks.
     let middle = 0.5 * (past.rgb + light);
     let deviation = DEVIATIONS * deviation_around(surface, vec2<i32>(pixel), light);
-    let off = abs(past.rgb - light) / (TOLERANCE * middle + min(deviation, LARGEST_DEVIATION * middle) + BLACK);
-    let worst = max(off.x, max(off.y, off.z));
-    let weight = clamp(worst * worst, 1.0 / min(past.a + 1.0, parameters.frames), 1.0);
+    let range = (TOLERANCE * middle + min(deviation, LARGEST_DEVIATION * middle)) * mix(1.0, LENIENT, parameters.leniency);
+    let off = abs(past.rgb - light) / (range + BLACK);
+    let worst = min(max(off.x, max(off.y, off.z)), 1.0);
+    let square = worst * worst;
+    // Evenly, while lights are faded in.
+    let loss = mix(square, square * square * square * square, parameters.leniency);
+    let weight = clamp(loss, 1.0 / min(past.a + 1.0, parameters.frames), 1.0);
     // By a step of a half float at least, so that what stands still arrives.
     let difference = light - past.rgb;
     let step = min(abs(difference), max(weight * abs(difference), HALF_STEP * past.rgb));

@@ -23,7 +23,8 @@ struct HistoryParameters {
     frames: f32,
     // Whether there is a last frame.
     valid: u32,
-    padding: u32,
+    // 0, or up to 1 after a budget has changed how many lights there are: how much further off history may be.
+    leniency: f32,
 }
 
 /// Bits of the least depth that is told from none.

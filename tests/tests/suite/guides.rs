@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use bevy::camera::Exposure;
 use bevy::reflect::{TypeInfo, Typed};
 use bevy_bounce::{
-    CssmFilter, CssmSettings, GiIsolate, GiLight, GiSettings, Quality, RadianceCacheSettings, Resolution, SsbcSettings,
-    Technique, VoxelizedMesh, VplVisibility,
+    CssmFilter, CssmSettings, GiIsolate, GiLight, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings,
+    Resolution, SsbcSettings, Technique, VoxelizedMesh, VplVisibility,
 };
 
 const ADDING: &str = "docs/adding-to-a-game.md";
@@ -163,6 +163,7 @@ fn members() -> BTreeMap<&'static str, BTreeSet<&'static str>> {
         SsbcSettings::type_info(),
         CssmSettings::type_info(),
         RadianceCacheSettings::type_info(),
+        GlobalIllumination::type_info(),
         GiLight::type_info(),
         VoxelizedMesh::type_info(),
         GiIsolate::type_info(),

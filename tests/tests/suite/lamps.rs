@@ -127,7 +127,7 @@ fn every_lamp_sends_all_of_its_light() {
 
     // The light of voxels that a panel lights, which is what caches show.
     let quality = Quality::Custom(Quality::Medium.settings());
-    stage.light_by(GlobalIllumination { technique: Technique::RadianceCache, quality });
+    stage.light_by(GlobalIllumination { technique: Technique::RadianceCache, quality, ..default() });
     stage.frame(Duration::ZERO);
     stage.frame(Duration::ZERO);
     let share = bounced(&mut stage) / expected(lumens);

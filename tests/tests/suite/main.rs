@@ -2,8 +2,11 @@
 
 mod agreement;
 mod beside;
+mod budget;
 mod compose;
 mod cssm;
+mod cuts;
+mod debug;
 mod deform;
 mod guides;
 mod harness;

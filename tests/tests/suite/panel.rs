@@ -9,7 +9,7 @@ use bevy::input::keyboard::{Key, KeyboardInput};
 use bevy::prelude::*;
 use bevy::reflect::enums::VariantInfo;
 use bevy::reflect::{GetPath, TypeInfo, TypeRegistry, Typed};
-use bevy_bounce::{GiIsolate, GiSettings, GlobalIllumination, Quality, Technique};
+use bevy_bounce::{GiBudget, GiGizmos, GiIsolate, GiSettings, GlobalIllumination, Quality, Technique};
 use bevy_bounce_egui::{BouncePanel, BouncePanelPlugin, Counts, Edited, PanelCamera, apply, components, edit};
 use bevy_bounce_examples::scenes::CornellPlugin;
 use bevy_bounce_tests::stage::{SMALL, Stage, illumination};
@@ -185,6 +185,12 @@ fn widgets_change_what_they_show() {
     screen.click(&mut value, "Custom");
     assert!(screen.click(&mut value, "Low") && value.quality == Quality::Low);
 
+    // What may be there or not: off, its number cannot be dragged.
+    assert!(!screen.drag(&mut value, "100", -200.0) && value.budget.is_none());
+    value.budget = Some(50.0);
+    assert!(screen.drag(&mut value, "50.0", -20.0));
+    assert!(value.budget.is_some_and(|budget| budget > 0.1 && budget < 50.0), "{value:?}");
+
     let mut isolate = GiIsolate::All;
     screen.click(&mut isolate, "All");
     assert!(screen.click(&mut isolate, "Residual") && isolate == GiIsolate::Residual);
@@ -226,7 +232,8 @@ fn the_panel_opens_over_the_picture_and_leaves_nothing_behind() {
         assert!(light == stage.settled_picture(), "the panel changes the light");
         let differs = stage.display().iter().zip(&shown).filter(|(a, b)| a != b).count();
         assert!(differs > shown.len() / 10, "the panel does not show: {differs} of {} bytes", shown.len());
-        let expected = leaves(GlobalIllumination::type_info()) + leaves(GiIsolate::type_info());
+        let types = [GlobalIllumination::type_info(), GiIsolate::type_info(), GiGizmos::type_info()];
+        let expected = types.map(leaves).iter().sum::<usize>();
         assert_eq!(stage.world().resource::<BouncePanel>().settings, expected);
         let counted = stage.world().resource::<Counts>().counted().expect("an open panel counts");
         assert!(counted.vpls.is_some_and(|vpls| vpls > 0 && vpls <= SMALL.vpls), "{counted:?}");
@@ -270,4 +277,24 @@ fn settings_are_within_reach_of_reflection() {
     let mut component = reflected.reflect_mut(stage.world().entity_mut(camera)).expect("is on the camera");
     *component.path_mut::<u32>(".quality.0.vpls").expect("is a field") = 300;
     assert_eq!(stage.world().get::<GlobalIllumination>(camera), Some(&illumination(GiSettings { vpls: 300, ..SMALL })));
+}
+
+/// A camera with a budget: the panel says what is left of the quality, and does not offer that as a setting.
+#[test]
+fn a_budget_is_no_setting() {
+    let size = UVec2::new(720, 540);
+    let mut stage = Stage::new(size, SMALL, |app| {
+        app.add_plugins((CornellPlugin, BouncePanelPlugin { open: true, ..default() }));
+    });
+    let camera = stage.only::<Camera3d>();
+    (0..3).for_each(|_| stage.frame(Duration::ZERO));
+    let without = stage.world().resource::<BouncePanel>().settings;
+    stage.light_by(GlobalIllumination { budget: Some(100.0), ..illumination(SMALL) });
+    (0..12).for_each(|_| stage.frame(Duration::ZERO));
+    assert!(stage.world().get::<GiBudget>(camera).is_some());
+    assert_eq!(stage.world().resource::<BouncePanel>().settings, without);
+    if let Some(folder) = std::env::var_os("BOUNCE_PICTURES") {
+        let picture = image::RgbaImage::from_vec(size.x, size.y, stage.display()).expect("four bytes a pixel");
+        picture.save(std::path::Path::new(&folder).join("panel.png")).expect("can be written");
+    }
 }

@@ -36,7 +36,7 @@ fn everything() -> GiSettings {
 }
 
 fn lit(technique: Technique) -> GlobalIllumination {
-    GlobalIllumination { technique, quality: Quality::Custom(everything()) }
+    GlobalIllumination { technique, quality: Quality::Custom(everything()), ..default() }
 }
 
 /// A game that asks for another device when one is lost.

@@ -239,7 +239,11 @@ fn no_sky_in_a_closed_room_and_its_bounces_in_an_open_one() {
 fn caches_see_the_sky_too() {
     let mut stage = stage(SKY, |_| {});
     let by_lights = stage.settled_picture().mean_luminance();
-    stage.light_by(GlobalIllumination { technique: Technique::RadianceCache, quality: Quality::Custom(SKY) });
+    stage.light_by(GlobalIllumination {
+        technique: Technique::RadianceCache,
+        quality: Quality::Custom(SKY),
+        ..default()
+    });
     let by_caches = stage.settled_picture().mean_luminance();
     assert!((by_caches / by_lights - 1.0).abs() < 0.06, "{by_caches} cd/m^2, by rays {by_lights}");
 }

@@ -3,31 +3,49 @@
 use bevy::pbr::deferred::SkipDeferredLighting;
 use bevy::platform::collections::HashSet;
 use bevy::prelude::*;
-use bevy::render::Extract;
 use bevy::render::sync_world::RenderEntity;
+use bevy::render::{Extract, MainWorld};
 
 use super::pipelines::ViewPipelines;
 use crate::view::{GiView, ViewTextures};
-use crate::{GiIsolate, GlobalIllumination};
+use crate::{GiBudget, GiIsolate, GlobalIllumination};
+
+type Cameras<'w, 's> = Query<
+    'w,
+    's,
+    (RenderEntity, &'static Camera, &'static GlobalIllumination, Option<&'static GiIsolate>, Option<&'static GiBudget>),
+    With<Camera3d>,
+>;
 
 /// Marks the views of cameras with bounced light, and takes everything from those that no longer have it.
-pub(super) fn extract_views(
+pub(crate) fn extract_views(
     mut commands: Commands,
-    cameras: Extract<Query<(RenderEntity, &Camera, &GlobalIllumination, Option<&GiIsolate>), With<Camera3d>>>,
+    cameras: Extract<Cameras>,
     views: Query<Entity, With<GiView>>,
     mut active: Local<HashSet<Entity>>,
 ) {
     active.clear();
-    for (entity, camera, illumination, isolate) in &cameras {
+    for (entity, camera, illumination, isolate, budget) in &cameras {
         if camera.is_active && illumination.is_active() {
             active.insert(entity);
             let technique = illumination.technique;
-            let settings = illumination.settings();
+            let (settings, stated) = (illumination.given(budget), illumination.settings());
             let isolate = isolate.copied().unwrap_or_default();
-            commands.entity(entity).insert(GiView { isolate, technique, settings });
+            let reset = illumination.reset;
+            commands.entity(entity).insert(GiView { isolate, technique, settings, stated, reset });
         }
     }
     for entity in views.iter().filter(|entity| !active.contains(entity)) {
         commands.entity(entity).remove::<(GiView, ViewTextures, ViewPipelines, SkipDeferredLighting)>();
+    }
+}
+
+/// Resets have been seen to.
+pub(crate) fn hand_back_resets(mut main_world: ResMut<MainWorld>) {
+    let mut cameras = main_world.query::<(&Camera, &mut GlobalIllumination)>();
+    for (camera, mut illumination) in cameras.iter_mut(&mut main_world) {
+        if camera.is_active && illumination.reset {
+            illumination.bypass_change_detection().reset = false;
+        }
     }
 }

@@ -26,6 +26,8 @@ use bevy::render::extract_component::ExtractComponent;
 use bevy::render::render_resource::SpecializedRenderPipelines;
 use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 
+pub(crate) use extract::{extract_views, hand_back_resets};
+
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
 use crate::recovery::forget_components;
@@ -47,15 +49,39 @@ pub enum GiIsolate {
     Bounded,
     /// What bias compensation adds to it.
     Residual,
+    /// [`Bounded`](Self::Bounded) in the left half, [`Indirect`](Self::Indirect) in the right.
+    Split,
+    /// Bounced light that is reflected glossily, where [`RadianceCacheSettings::glossy`](crate::RadianceCacheSettings::glossy) or
+    /// [`CssmSettings::glossy`](crate::CssmSettings::glossy) or the technique has it.
+    Glossy,
+    /// Bounced light as it falls on surfaces, whatever their colour: irradiance over pi.
+    Irradiance,
+    /// Colours of the voxels, as rays of the camera through the grid meet them: the planes of the cells, as paths and shadows do.
+    VoxelAlbedo,
+    /// Their normals: -1 to 1 as 0 to 1, by red, green and blue for x, y and z.
+    VoxelNormal,
+    /// Light that they send, as radiance caches see it. Lights the voxels, whatever the technique.
+    VoxelLight,
+    /// Shadow maps of the virtual lights, tile by tile in the order of their list: white is near, blue is empty.
+    ShadowAtlas,
+    /// Clusters of pixels that share a radiance cache, each in a colour of its own; where the caches are, white.
+    Clusters,
 }
 
 impl GiIsolate {
-    pub(crate) fn is_bounced_light_alone(self) -> bool {
-        matches!(self, Self::Indirect | Self::Bounded | Self::Residual)
+    /// Whether it is drawn over the finished picture.
+    pub(crate) fn is_alone(self) -> bool {
+        !matches!(self, Self::All | Self::Direct)
+    }
+
+    /// Whether it is no light of the picture, but a [picture](crate::debug) of an intermediate.
+    pub(crate) fn is_picture(self) -> bool {
+        use GiIsolate::{Clusters, ShadowAtlas, VoxelAlbedo, VoxelLight, VoxelNormal};
+        matches!(self, VoxelAlbedo | VoxelNormal | VoxelLight | ShadowAtlas | Clusters)
     }
 }
 
-/// Passes of a view, in order, within [`Core3dSystems::MainPass`].
+/// Passes of a view, in order; all but the last within [`Core3dSystems::MainPass`].
 #[derive(SystemSet, Clone, Copy, Debug, Hash, PartialEq, Eq)]
 pub enum ViewPass {
     /// Depth and normal are packed, `indirect` is cleared.
@@ -70,6 +96,8 @@ pub enum ViewPass {
     History,
     /// Into the picture.
     Compose,
+    /// Something alone over the picture, after the main pass, where [`GiIsolate`] asks for it.
+    Isolate,
 }
 
 /// Replaces Bevy's deferred lighting on cameras with [`GlobalIllumination`].
@@ -94,7 +122,7 @@ impl Plugin for GiComposePlugin {
                 RenderStartup,
                 (pipelines::init_compose_pipelines.after(MeshPipelineSystems), forget_components::<ViewTextures>),
             )
-            .add_systems(ExtractSchedule, extract::extract_views)
+            .add_systems(ExtractSchedule, extract_views)
             .add_systems(
                 Render,
                 (
@@ -124,13 +152,17 @@ impl Plugin for GiComposePlugin {
                     .before(screen_space_reflections)
                     .before(main_opaque_pass_3d),
             )
+            .configure_sets(
+                Core3d,
+                ViewPass::Isolate.after(Core3dSystems::MainPass).before(Core3dSystems::EarlyPostProcess),
+            )
             .add_systems(
                 Core3d,
                 (
                     passes::surface_pass.in_set(ViewPass::Surface),
                     passes::direct_pass.in_set(ViewPass::Direct),
                     passes::compose_pass.in_set(ViewPass::Compose),
-                    passes::isolate_pass.after(Core3dSystems::MainPass).before(Core3dSystems::EarlyPostProcess),
+                    passes::isolate_pass.in_set(ViewPass::Isolate),
                 ),
             );
     }

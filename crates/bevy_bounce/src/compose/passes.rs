@@ -178,7 +178,7 @@ pub(super) fn compose_pass(
     span.end(ctx.command_encoder());
 }
 
-/// Bounced light alone over the finished main pass, where [`GiIsolate`](crate::GiIsolate) asks for it.
+/// One term or a picture alone over the finished main pass, where [`GiIsolate`](crate::GiIsolate) asks for it.
 pub(super) fn isolate_pass(
     view: ViewQuery<
         (

@@ -77,10 +77,12 @@ pub(super) enum Pass {
         /// Glossy bounced light, too.
         glossy: bool,
     },
-    /// Bounced light over the finished picture.
+    /// Something alone over the finished picture.
     Isolate {
-        /// Glossy bounced light, too.
+        /// With glossy bounced light.
         glossy: bool,
+        /// Entry point of `compose/compose.wgsl`.
+        entry: &'static str,
     },
 }
 
@@ -91,7 +93,7 @@ pub(super) struct ViewPipelines {
     pub direct: CachedRenderPipelineId,
     /// Into the picture.
     pub compose: CachedRenderPipelineId,
-    /// Bounced light over the finished picture, where that is asked for.
+    /// Something alone over the finished picture, where that is asked for.
     pub isolate: Option<CachedRenderPipelineId>,
 }
 
@@ -193,7 +195,7 @@ impl SpecializedRenderPipeline for ComposePipelines {
         if let Pass::Compose { indirect: true, .. } = pass {
             shader_defs.push("COMPOSE_INDIRECT".into());
         }
-        if let Pass::Compose { glossy: true, .. } | Pass::Isolate { glossy: true } = pass {
+        if let Pass::Compose { glossy: true, .. } | Pass::Isolate { glossy: true, .. } = pass {
             shader_defs.push("COMPOSE_GLOSSY".into());
         }
         match pass {
@@ -204,7 +206,7 @@ impl SpecializedRenderPipeline for ComposePipelines {
         let (label, shader, entry_point, group_layout) = match pass {
             Pass::Direct { .. } => ("bounce_direct", &self.direct_shader, "fragment", &self.direct_layout),
             Pass::Compose { .. } => ("bounce_compose", &self.compose_shader, "compose", &self.compose_layout),
-            Pass::Isolate { .. } => ("bounce_isolate", &self.compose_shader, "isolate_indirect", &self.compose_layout),
+            Pass::Isolate { entry, .. } => ("bounce_isolate", &self.compose_shader, entry, &self.compose_layout),
         };
         let target = |format| Some(ColorTargetState { format, blend: None, write_mask: ColorWrites::ALL });
         let (vertex, targets, depth_stencil) = match pass {
@@ -236,6 +238,17 @@ impl SpecializedRenderPipeline for ComposePipelines {
             depth_stencil,
             ..default()
         }
+    }
+}
+
+/// What draws it alone.
+fn entry(isolate: GiIsolate) -> &'static str {
+    match isolate {
+        GiIsolate::Split => "isolate_halves",
+        GiIsolate::Glossy => "isolate_glossy",
+        GiIsolate::Irradiance => "isolate_irradiance",
+        isolate if isolate.is_picture() => "isolate_picture",
+        _ => "isolate_indirect",
     }
 }
 
@@ -280,7 +293,7 @@ pub(super) fn prepare_compose_pipelines(
         let view_pipelines = ViewPipelines {
             direct: if sky { with_sky } else { without },
             compose: pipeline(Pass::Compose { indirect: gi.isolate != GiIsolate::Direct, glossy }),
-            isolate: gi.isolate.is_bounced_light_alone().then(|| pipeline(Pass::Isolate { glossy })),
+            isolate: gi.isolate.is_alone().then(|| pipeline(Pass::Isolate { glossy, entry: entry(gi.isolate) })),
         };
         let ids = [Some(view_pipelines.direct), Some(view_pipelines.compose), view_pipelines.isolate];
         let state = |id: &CachedRenderPipelineId| cache.get_render_pipeline_state(*id);

@@ -19,7 +19,7 @@ use super::display::light_of_steps;
 use super::hull::Overlaps;
 use super::prepare::{Baked, PreparedBakes};
 use super::{CssmFilter, CssmObject, CssmPart};
-use crate::{GiSettings, GlobalIllumination, Technique};
+use crate::{GiBudget, GiSettings, GlobalIllumination, Technique};
 
 /// How much edges of a baked object may change in length by its transform.
 const RIGID: f32 = 1.0e-3;
@@ -69,30 +69,44 @@ impl Displays<'_> {
     }
 }
 
+type Cameras<'w, 's> = Query<
+    'w,
+    's,
+    (
+        Entity,
+        RenderEntity,
+        &'static Camera,
+        &'static GlobalIllumination,
+        Option<&'static GiBudget>,
+        Option<&'static Exposure>,
+        Option<&'static Tonemapping>,
+    ),
+>;
+
 /// Reads the cameras. Texels are lit for the first of them by order, and as often as the one with the most bounces asks.
 pub(super) fn extract_cameras(
     mut commands: Commands,
     mut extracted: ResMut<ExtractedCssm>,
-    cameras: Extract<
-        Query<(Entity, RenderEntity, &Camera, &GlobalIllumination, Option<&Exposure>, Option<&Tonemapping>)>,
-    >,
+    cameras: Extract<Cameras>,
     displays: Extract<Displays>,
 ) {
     extracted.bounces = 0;
     let mut first = None;
-    for (entity, render_entity, camera, gi, exposure, tonemapping) in &cameras {
+    for (entity, render_entity, camera, gi, budget, exposure, tonemapping) in &cameras {
         if !camera.is_active || gi.technique != Technique::SurfaceRadiosity {
             continue;
         }
         let settings = gi.settings();
         let exposure = exposure.copied().unwrap_or_default().exposure();
-        let gather = displays.gather(&settings, exposure, tonemapping.copied().unwrap_or(Tonemapping::None));
-        commands.entity(render_entity).insert(CssmView(gather));
+        let tonemapping = tonemapping.copied().unwrap_or(Tonemapping::None);
+        let of_pixels = displays.gather(&gi.given(budget), exposure, tonemapping);
+        commands.entity(render_entity).insert(CssmView(of_pixels));
         extracted.bounces = extracted.bounces.max(settings.bounces);
         let key = (camera.order, entity);
         if first.is_none_or(|first| key < first) {
             first = Some(key);
-            extracted.gather = gather;
+            // Texels are lit once and kept, whatever a budget leaves.
+            extracted.gather = displays.gather(&settings, exposure, tonemapping);
         }
     }
 }

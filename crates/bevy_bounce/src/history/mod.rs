@@ -9,11 +9,14 @@
 //!    Salvi 2016, "An Excursion in Temporal Supersampling".
 //! 2. `keep` writes the average into the view's light, and keeps it with what each pixel shows.
 //!
+//! Where a [`budget`](crate::budget) has changed the number of lights, history may be further off for 40 frames.
+//!
 //! Diffuse light first, glossy light after it where there is any. Light is irradiance, before it is multiplied by the colours of
 //! surfaces: textures stay as sharp as they are.
 //!
 //! A frame that repeats the last one is the same to the bit, for nothing is off. Nothing is recalled in the first frame, after the size, the
-//! technique or any setting of the view changed, and after a frame without bounced light. A camera that is cut needs nothing: what it
+//! technique or any setting of the view changed (other than by its [`budget`](crate::budget)), after a frame without bounced light, and where
+//! [`GlobalIllumination::reset`](crate::GlobalIllumination::reset) says so. A camera that is cut needs nothing: what it
 //! sees is recalled by its place in the world, or not at all.
 //!
 //! # Data

@@ -12,12 +12,18 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::view::ExtractedView;
 use bevy_bounce_shaders::types::HistoryParameters;
 
+use crate::GiSettings;
 use crate::view::{GiView, ViewTextures};
 
 /// Bytes of a texel of light.
 const LIGHT_BYTES: u64 = 8;
 /// Bytes of a texel of what pixels show.
 const SURFACE_BYTES: u64 = 4;
+
+/// Frames after a budget has changed the lights in which the new ones are faded in.
+const FADE: u32 = 40;
+/// Frames over which light is averaged meanwhile, at least.
+const FADING_FRAMES: u32 = 16;
 
 /// A frame as it was drawn.
 #[derive(Clone, Copy)]
@@ -52,6 +58,10 @@ pub(crate) struct History {
     size: UVec2,
     /// What the view asked for in the frame that is kept.
     asked: GiView,
+    /// What a budget left of that.
+    given: GiSettings,
+    /// Frames in which that is still faded in.
+    fade: u32,
     frame: Option<Frame>,
     /// Whether that frame came to an end with its light kept.
     kept: AtomicBool,
@@ -82,6 +92,8 @@ impl History {
         Self {
             size,
             asked,
+            given: asked.settings,
+            fade: 0,
             frame: None,
             kept: AtomicBool::new(false),
             parameters: UniformBuffer::default(),
@@ -96,9 +108,23 @@ impl History {
 
     /// Tells the shaders of the last frame, if it is to be looked back to, and takes this one for it.
     fn begin(&mut self, frame: Frame, asked: GiView) {
-        let kept = std::mem::take(self.kept.get_mut()) && self.asked == asked && frame.is_sound();
+        let (reset, given) = (asked.reset, asked.settings);
+        // What a budget takes and gives back is the same light from other places.
+        let asked = GiView { settings: asked.stated, reset: false, ..asked };
+        self.fade = match (self.asked == asked, self.given == given) {
+            (true, true) => self.fade.saturating_sub(1),
+            (true, false) => FADE,
+            (false, _) => 0,
+        };
+        self.given = given;
+        let kept = std::mem::take(self.kept.get_mut()) && !reset && self.asked == asked && frame.is_sound();
         let last = self.frame.filter(|last| kept && last.is_sound());
-        let parameters = HistoryParameters { frames: asked.settings.history as f32, ..default() };
+        let frames = asked.settings.history;
+        let parameters = HistoryParameters {
+            frames: if self.fade > 0 { frames.max(FADING_FRAMES) } else { frames } as f32,
+            leniency: self.fade as f32 / FADE as f32,
+            ..default()
+        };
         self.parameters.set(last.map_or(parameters, |last| HistoryParameters {
             previous_clip_from_world: last.clip_from_world,
             previous_world_from_clip: last.clip_from_world.inverse(),

@@ -93,6 +93,7 @@ fn distribute(
     p: &CachePipelines,
     sort: &SortPipelines,
     held: &CacheBuffers,
+    reset: bool,
     groups: &Groups,
     device: &RenderDevice,
     encoder: &mut CommandEncoder,
@@ -112,7 +113,11 @@ fn distribute(
     p.count_blocks.dispatch(encoder, cache, &clusters, blocks);
     p.scan_blocks.dispatch(encoder, cache, &clusters, UVec3::ONE);
     p.number_clusters.dispatch(encoder, cache, &clusters, blocks);
-    encoder.copy_buffer_to_buffer(&held.caches, 0, &held.last, 0, held.caches.size());
+    if reset {
+        encoder.clear_buffer(&held.last, 0, None);
+    } else {
+        encoder.copy_buffer_to_buffer(&held.caches, 0, &held.last, 0, held.caches.size());
+    }
     encoder.clear_buffer(&held.kept, 0, None);
     p.keep.dispatch(encoder, cache, &[&groups.keep], folded(parameters.capacity.div_ceil(GROUP)));
     p.place.dispatch(encoder, cache, &[&groups.place], folded(parameters.capacity));
@@ -175,7 +180,7 @@ pub(super) fn light_pixels(
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/cache_distribution");
-    distribute(&p, &sort, held, &groups, &device, encoder, &cache);
+    distribute(&p, &sort, held, gi.reset, &groups, &device, encoder, &cache);
     span.end(encoder);
     let span = diagnostics.time_span(encoder, "bounce/cache_creation");
     create.dispatch(encoder, &cache, &[&create_group, &volume], folded(held.parameters.get().capacity));

@@ -9,7 +9,7 @@ use super::lods::{Candidate, choose};
 use super::meshes::Meshes;
 use super::table::GpuTable;
 use crate::VplVisibility;
-use crate::settings::{GiSettings, GiWorldSettings};
+use crate::settings::{GiSettings, GiWorldSettings, StatedLights};
 
 /// See the module.
 #[derive(Resource)]
@@ -67,9 +67,10 @@ pub(super) fn choose_occluders(
     instances: Res<Instances>,
     meshes: Res<Meshes>,
     settings: Res<GiWorldSettings>,
+    stated: Res<StatedLights>,
 ) {
     let Some(settings) = settings.0 else { return };
-    let wanted = Some((instances.generation(), settings.visibility, settings.occluders(), settings.tile));
+    let wanted = Some((instances.generation(), settings.visibility, stated.occluders(), settings.tile));
     if occluders.made_for == wanted {
         return;
     }
@@ -85,7 +86,7 @@ pub(super) fn choose_occluders(
         })
         .collect();
     let triangles = settings.visibility == VplVisibility::Atlas;
-    let (chunks, error) = if triangles { chunks(&casters, settings.occluders()) } else { (Vec::new(), 0.0) };
+    let (chunks, error) = if triangles { chunks(&casters, stated.occluders()) } else { (Vec::new(), 0.0) };
     occluders.chunks.replace(chunks.into_iter());
     occluders.error = error;
     let count = if settings.visibility == VplVisibility::Ism { point_count(&settings) } else { 0 };

@@ -8,7 +8,7 @@ use bevy_bounce_shaders::types::{AtlasParameters, Occluder, WorldPoint};
 use crate::VplVisibility;
 use crate::avg::VoxelGrid;
 use crate::scene::SceneBuffers;
-use crate::settings::GiWorldSettings;
+use crate::settings::{GiWorldSettings, StatedLights};
 
 /// Voxels by which the meshes that cast may be off their surfaces. Beyond that lights see by rays through the grid.
 const LARGEST_ERROR: f32 = 1.0;
@@ -54,6 +54,7 @@ pub(super) fn prepare_atlas(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     settings: Res<GiWorldSettings>,
+    stated: Res<StatedLights>,
     scene: Option<Res<SceneBuffers>>,
     grid: Option<Res<VoxelGrid>>,
     held: Option<ResMut<ShadowAtlas>>,
@@ -68,7 +69,7 @@ pub(super) fn prepare_atlas(
         return;
     };
     let limit = device.limits().max_storage_buffer_binding_size;
-    let tile = fitting_tile(settings.tile, settings.vpls, limit);
+    let tile = fitting_tile(settings.tile, stated.0, limit);
     let diagonal = scene.bounds().map_or(1.0, |bounds| (bounds.max - bounds.min).length());
     let counts = scene.occluders();
     let parameters = AtlasParameters {
@@ -78,10 +79,10 @@ pub(super) fn prepare_atlas(
         point_area: counts.point_area,
         error: counts.error,
     };
-    let atlas_size = atlas_bytes(tile, settings.vpls);
+    let atlas_size = atlas_bytes(tile, stated.0);
     let occluder_size = match settings.visibility {
         VplVisibility::Ism => u64::from(counts.points.max(1)) * u64::from(WorldPoint::min_size()),
-        _ => u64::from(settings.occluders()) * u64::from(Occluder::min_size()),
+        _ => u64::from(stated.occluders()) * u64::from(Occluder::min_size()),
     };
     match held {
         Some(mut held) if held.atlas.size() == atlas_size && held.occluders.size() == occluder_size => {

@@ -182,6 +182,10 @@ pub(super) fn compensate(
         });
         pass.set_render_pipeline(apply);
         pass.set_bind_group(0, &groups.apply, &[]);
+        if gi.isolate == GiIsolate::Split {
+            let UVec2 { x, y } = textures.size;
+            pass.set_scissor_rect(x / 2, 0, x - x / 2, y);
+        }
         pass.draw(0..3, 0..1);
     }
     span.end(ctx.command_encoder());

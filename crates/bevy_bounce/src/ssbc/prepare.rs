@@ -9,6 +9,7 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::{SSBC_LEVELS, SsbcParameters};
 
 use super::SsbcSettings;
+use crate::Resolution;
 use crate::view::{GiView, ViewTextures};
 
 /// Bytes of a texel of the hierarchy.
@@ -19,7 +20,7 @@ const RESIDUAL_BYTES: u64 = 4;
 /// What a view with bias compensation holds; kept from frame to frame, made anew when size or settings change.
 #[derive(Component)]
 pub(crate) struct SsbcTextures {
-    key: (UVec2, SsbcSettings),
+    key: (UVec2, Resolution, bool),
     /// How it integrates.
     pub parameters: UniformBuffer<SsbcParameters>,
     /// All levels above the pixels.
@@ -48,15 +49,10 @@ impl SsbcTextures {
                 ..default()
             })
         };
-        let mut parameters = UniformBuffer::from(SsbcParameters {
-            solid_angle: settings.solid_angle,
-            edge_solid_angle: settings.edge_solid_angle,
-            scale,
-            padding: 0,
-        });
+        let mut parameters = UniformBuffer::from(parameters(&settings));
         parameters.write_buffer(device, queue);
         Self {
-            key: (size, settings),
+            key: key(size, &settings),
             parameters,
             hierarchy: whole(&hierarchy),
             levels: (0..SSBC_LEVELS).map(level).collect(),
@@ -77,6 +73,20 @@ impl SsbcTextures {
         let hierarchy: u64 = (0..SSBC_LEVELS).map(|level| texels(self.level_size(level)) * NODE_BYTES).sum();
         let residuals = 1 + u64::from(self.blurred.is_some());
         [("ssbc: hierarchy", hierarchy), ("ssbc: residual", texels(self.residual_size) * RESIDUAL_BYTES * residuals)]
+    }
+}
+
+/// What sizes and number of the textures follow from.
+fn key(size: UVec2, settings: &SsbcSettings) -> (UVec2, Resolution, bool) {
+    (size, settings.resolution, settings.blur)
+}
+
+fn parameters(settings: &SsbcSettings) -> SsbcParameters {
+    SsbcParameters {
+        solid_angle: settings.solid_angle,
+        edge_solid_angle: settings.edge_solid_angle,
+        scale: settings.resolution.pixels_a_texel(),
+        padding: 0,
     }
 }
 
@@ -107,25 +117,29 @@ pub(super) fn prepare_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    views: Query<
-        (Entity, Option<&GiView>, Option<&ViewTextures>, Option<&SsbcTextures>),
+    mut views: Query<
+        (Entity, Option<&GiView>, Option<&ViewTextures>, Option<&mut SsbcTextures>),
         Or<(With<GiView>, With<SsbcTextures>)>,
     >,
 ) {
-    for (entity, view, textures, ours) in &views {
+    for (entity, view, textures, ours) in &mut views {
         let asked = view.map(|view| view.settings.ssbc).filter(|settings| settings.iterations > 0);
-        // The number of iterations changes nothing here.
-        let key = textures.zip(asked).map(|(textures, asked)| (textures.size, SsbcSettings { iterations: 1, ..asked }));
-        if key == ours.map(|ours| ours.key) {
-            continue;
-        }
-        match key {
-            Some((size, settings)) => {
+        let wanted = textures.zip(asked).map(|(textures, asked)| (textures.size, asked));
+        match (wanted, ours) {
+            (Some((size, settings)), Some(mut ours)) if ours.key == key(size, &settings) => {
+                let parameters = parameters(&settings);
+                if *ours.parameters.get() != parameters {
+                    ours.parameters.set(parameters);
+                    ours.parameters.write_buffer(&device, &queue);
+                }
+            }
+            (Some((size, settings)), _) => {
                 commands.entity(entity).insert(SsbcTextures::new(&device, &queue, size, settings));
             }
-            None => {
+            (None, Some(_)) => {
                 commands.entity(entity).remove::<SsbcTextures>();
             }
+            (None, None) => {}
         }
     }
 }

@@ -9,7 +9,7 @@ use bevy_bounce_shaders::types::{
 
 use crate::avg::VoxelGrid;
 use crate::scene::SceneBuffers;
-use crate::settings::GiWorldSettings;
+use crate::settings::{GiWorldSettings, StatedLights};
 use crate::sort::SortBuffers;
 
 /// Paths traced for each virtual light there is room for. At a mean albedo a, a path has a / (1 - a) vertices: each light carries
@@ -19,8 +19,9 @@ const PATHS_PER_VPL: u32 = 8;
 /// Virtual lights on the GPU.
 #[derive(Resource)]
 pub(crate) struct VplBuffers {
-    /// Sizes.
+    /// Sizes, of what there is room for or less.
     pub parameters: UniformBuffer<VplParameters>,
+    room: VplParameters,
     vertices: Option<Buffer>,
     vertex_bytes: u64,
     /// Vertices of each path.
@@ -51,6 +52,7 @@ impl VplBuffers {
         let slots = paths * u64::from(parameters.max_bounces + 1);
         Self {
             parameters: UniformBuffer::from(parameters),
+            room: parameters,
             vertices: None,
             vertex_bytes: slots * u64::from(Vpl::min_size()),
             paths: storage(device, "bounce_paths", paths * u64::from(Path::min_size())),
@@ -111,6 +113,7 @@ pub(super) fn prepare_vpls(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
     settings: Res<GiWorldSettings>,
+    stated: Res<StatedLights>,
     scene: Option<Res<SceneBuffers>>,
     grid: Option<Res<VoxelGrid>>,
     buffers: Option<ResMut<VplBuffers>>,
@@ -118,13 +121,13 @@ pub(super) fn prepare_vpls(
     let (Some(settings), Some(scene)) = (settings.0, scene) else { return };
     let limit = device.limits().max_storage_buffer_binding_size;
     let path_bytes = u64::from(settings.bounces + 1) * u64::from(Vpl::min_size());
-    let path_count = u64::from(settings.vpls * PATHS_PER_VPL).min(limit / path_bytes) as u32;
-    let parameters = VplParameters {
-        capacity: settings.vpls,
-        path_count,
+    let sizes = |vpls: u32| VplParameters {
+        capacity: vpls,
+        path_count: u64::from(vpls * PATHS_PER_VPL).min(limit / path_bytes) as u32,
         max_bounces: settings.bounces,
         bound_scale: settings.bound,
     };
+    let (parameters, room) = (sizes(settings.vpls), sizes(stated.0));
     let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
     let bricks = grid.as_ref().map_or(0, |grid| u64::from(grid.brick_count()));
     let brick_words = bricks * u64::from(BRICK_WORDS);
@@ -142,14 +145,15 @@ pub(super) fn prepare_vpls(
         } else if buffers.vertices.is_none() {
             buffers.vertices = Some(storage(&device, "bounce_path_vertices", buffers.vertex_bytes));
         }
-        if buffers.parameters.buffer().is_none() {
+        if buffers.parameters.buffer().is_none() || buffers.parameters() != parameters {
+            buffers.parameters.set(parameters);
             buffers.parameters.write_buffer(&device, &queue);
         }
     };
     match buffers {
-        Some(mut buffers) if buffers.parameters() == parameters => prepare(&mut buffers),
+        Some(mut buffers) if buffers.room == room => prepare(&mut buffers),
         _ => {
-            let mut buffers = VplBuffers::new(&device, parameters);
+            let mut buffers = VplBuffers::new(&device, room);
             prepare(&mut buffers);
             commands.insert_resource(buffers);
         }

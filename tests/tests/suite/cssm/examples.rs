@@ -17,7 +17,8 @@ const SIZE: UVec2 = UVec2::new(96, 54);
 /// With direct light, as fast as it may be.
 fn whole() -> Run {
     let settings = GiSettings { bounces: 2, cssm: CssmSettings { error: 64.0, ..CssmSettings::DEFAULT }, ..SMALL };
-    let radiosity = GlobalIllumination { technique: Technique::SurfaceRadiosity, quality: Quality::Custom(settings) };
+    let radiosity =
+        GlobalIllumination { technique: Technique::SurfaceRadiosity, quality: Quality::Custom(settings), ..default() };
     Run { isolate: GiIsolate::All, ..run(SIZE, Some(radiosity)) }
 }
 

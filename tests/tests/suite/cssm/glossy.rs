@@ -13,7 +13,7 @@ use super::stage::furnace;
 
 fn radiosity(glossy: bool, error: f32, bounces: u32) -> GlobalIllumination {
     let settings = GiSettings { bounces, cssm: CssmSettings { error, glossy, ..CssmSettings::DEFAULT }, ..SMALL };
-    GlobalIllumination { technique: Technique::SurfaceRadiosity, quality: Quality::Custom(settings) }
+    GlobalIllumination { technique: Technique::SurfaceRadiosity, quality: Quality::Custom(settings), ..default() }
 }
 
 /// `tests/data/glossy_box.indirect.exr` is path-traced from `assets/glossy_box.glb`.

@@ -21,7 +21,7 @@ const SMALL_SIZE: UVec2 = UVec2::new(32, 18);
 
 fn radiosity(error: f32, bounces: u32) -> GlobalIllumination {
     let settings = GiSettings { bounces, cssm: CssmSettings { error, ..CssmSettings::DEFAULT }, ..SMALL };
-    GlobalIllumination { technique: Technique::SurfaceRadiosity, quality: Quality::Custom(settings) }
+    GlobalIllumination { technique: Technique::SurfaceRadiosity, quality: Quality::Custom(settings), ..default() }
 }
 
 /// Poses of the block: where it is modelled, floating and tilted, and before the tall one.

@@ -20,7 +20,7 @@ use bevy_bounce_tests::stage::{SMALL, Stage, run};
 const SIZE: UVec2 = UVec2::new(64, 36);
 
 fn radiosity(settings: GiSettings) -> GlobalIllumination {
-    GlobalIllumination { technique: Technique::SurfaceRadiosity, quality: Quality::Custom(settings) }
+    GlobalIllumination { technique: Technique::SurfaceRadiosity, quality: Quality::Custom(settings), ..default() }
 }
 
 /// The project's own Cornell box.

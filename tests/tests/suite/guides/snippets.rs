@@ -48,10 +48,15 @@ fn choose(graphics: Res<Graphics>, mut cameras: Query<&mut GlobalIllumination>) 
     }
     for mut camera in &mut cameras {
         match graphics.bounced_light {
-            Some(quality) => *camera = GlobalIllumination { technique: Technique::InstantRadiosity, quality },
+            Some(quality) => (camera.technique, camera.quality) = (Technique::InstantRadiosity, quality),
             None => camera.technique = Technique::None,
         }
     }
+}
+
+fn spawn_with_budget(mut commands: Commands) {
+    let illumination = GlobalIllumination { quality: Quality::High, budget: Some(4.0), ..default() };
+    commands.spawn((Camera3d::default(), illumination));
 }
 
 fn save(quality: &Quality, types: &AppTypeRegistry) -> serde_json::Result<String> {
@@ -136,8 +141,10 @@ fn lights_meshes_and_baked_rooms_are_spawned() {
     app.init_asset::<WorldAsset>().init_asset::<CssmAsset>().init_resource::<Room>();
     run(&mut app, spawn);
     run(&mut app, spawn_baked_room);
+    run(&mut app, spawn_with_budget);
     let world = app.world_mut();
     assert_eq!(world.query::<&GiLight>().iter(world).filter(|light| **light == GiLight::OFF).count(), 1);
     assert_eq!(world.query::<&VoxelizedMesh>().iter(world).filter(|mesh| mesh.enabled).count(), 1);
+    assert_eq!(world.query::<&GlobalIllumination>().iter(world).filter(|gi| gi.budget.is_some()).count(), 1);
     assert_eq!(world.query::<(&CssmObject, &WorldAssetRoot)>().iter(world).count(), 1);
 }

@@ -12,7 +12,7 @@ const SIZE: UVec2 = UVec2::new(160, 90);
 const TECHNIQUES: [Technique; 2] = [Technique::InstantRadiosity, Technique::RadianceCache];
 
 fn lit(technique: Technique, history: u32) -> GlobalIllumination {
-    GlobalIllumination { technique, quality: Quality::Custom(GiSettings { history, ..SMALL }) }
+    GlobalIllumination { technique, quality: Quality::Custom(GiSettings { history, ..SMALL }), ..default() }
 }
 
 fn default_history() -> u32 {

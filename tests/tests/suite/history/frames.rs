@@ -30,7 +30,7 @@ fn with_history(settings: GiSettings) -> GiSettings {
 }
 
 fn lit(technique: Technique, settings: GiSettings) -> GlobalIllumination {
-    GlobalIllumination { technique, quality: Quality::Custom(settings) }
+    GlobalIllumination { technique, quality: Quality::Custom(settings), ..default() }
 }
 
 fn cornell(settings: GiSettings) -> Stage {

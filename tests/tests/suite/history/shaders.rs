@@ -119,7 +119,7 @@ fn average(first: &Frame, second: &Frame, past: &[Vec4], now: &[Vec4], exposure:
         exposure,
         frames: FRAMES,
         valid: 1,
-        padding: 0,
+        leniency: 0.0,
     };
     let motion = (0..after.surface.len()).flat_map(|i| {
         let now = position(&after, i);

@@ -15,7 +15,7 @@ use bevy_bounce_tests::stage::{SMALL, Stage, illumination, run};
 const SIZE: UVec2 = UVec2::new(64, 36);
 
 fn cached(settings: GiSettings) -> GlobalIllumination {
-    GlobalIllumination { technique: Technique::RadianceCache, quality: Quality::Custom(settings) }
+    GlobalIllumination { technique: Technique::RadianceCache, quality: Quality::Custom(settings), ..default() }
 }
 
 fn with(radiance_cache: RadianceCacheSettings) -> GiSettings {

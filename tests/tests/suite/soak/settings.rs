@@ -1,5 +1,6 @@
 //! Settings at random, out of their ranges, too.
 
+use bevy::prelude::*;
 use bevy_bounce::{
     CssmFilter, CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, Resolution,
     SsbcSettings, Technique, VplVisibility,
@@ -20,13 +21,18 @@ pub fn illumination(random: &mut Rng) -> GlobalIllumination {
         2 => Quality::Medium,
         _ => Quality::Custom(settings(random)),
     };
-    GlobalIllumination { technique, quality }
+    GlobalIllumination { technique, quality, ..default() }
 }
 
 /// What a picture holds.
 pub fn isolate(random: &mut Rng) -> GiIsolate {
-    use GiIsolate::{All, Bounded, Direct, Indirect, Residual};
-    one_of(random, &[All, All, Direct, Indirect, Bounded, Residual])
+    use GiIsolate::{
+        All, Bounded, Clusters, Direct, Glossy, Indirect, Irradiance, Residual, ShadowAtlas, Split, VoxelAlbedo,
+        VoxelLight, VoxelNormal,
+    };
+    let light = [All, All, All, All, Direct, Indirect, Bounded, Residual, Split, Glossy, Irradiance];
+    let pictures = [VoxelAlbedo, VoxelNormal, VoxelLight, ShadowAtlas, Clusters];
+    one_of(random, &[&light[..], &pictures].concat())
 }
 
 fn resolution(random: &mut Rng) -> Resolution {
