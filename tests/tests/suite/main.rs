@@ -1,35 +1,26 @@
-//! All tests of bevy_bounce that need more than one crate: one binary, because each links Bevy.
+//! Stages, shaders and techniques of bevy_bounce, by themselves and in frames. Few binaries, because each links Bevy; more than one, because
+//! software adapters keep the memory of every shader they compiled, and a process may have only so many pieces of it.
 
 mod agreement;
-mod beside;
-mod budget;
 mod compose;
 mod cssm;
-mod cuts;
-mod debug;
 mod deform;
 mod guides;
 mod harness;
 mod history;
-mod lamps;
 mod lightmap;
 mod metrics;
 mod nested;
 mod octahedral;
-mod panel;
 mod paths;
-mod pictures;
 mod pipelines;
 mod probes;
 mod radiance_cache;
-mod recovery;
 mod sampling;
 mod settle;
 mod shaders;
 mod shadow_atlas;
 mod sky;
-mod soak;
 mod sort;
 mod ssbc;
-mod views;
 mod voxels;

@@ -16,7 +16,7 @@
 //!
 //! # What is measured
 //!
-//! Bevy's [`RenderDiagnosticsPlugin`](bevy::render::diagnostic::RenderDiagnosticsPlugin) takes timestamps around each stage of the
+//! Bevy's [`RenderDiagnosticsPlugin`] takes timestamps around each stage of the
 //! plugins: `render/bounce/STAGE/elapsed_gpu`. A frame costs the sum of them over all cameras, without `direct`, which is Bevy's own
 //! light. Without that plugin, and on devices without timestamps (Bevy has them on Vulkan and Direct3D 12), nothing is known: quality stays
 //! as stated, and one warning says why.

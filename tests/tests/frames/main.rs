@@ -1,0 +1,9 @@
+//! Whole frames: beside other effects, in all kinds of views, in any order of events.
+
+mod beside;
+mod lamps;
+mod panel;
+mod pictures;
+mod recovery;
+mod soak;
+mod views;
