@@ -217,10 +217,10 @@ pub(crate) fn fit(bounds: &Bounds, edge: u32) -> Grid {
 }
 
 /// The same for bounds that move and keep their size: the voxels keep theirs, too, and the grid moves by whole bricks, so that
-/// what is known of a brick stays with its place in the world.
+/// what is known of a brick stays with its place in the world. A grid that has hardly room for bricks moves by smaller steps.
 fn fit_moving(bounds: &Bounds, edge: u32) -> Grid {
     let size = bounds.max - bounds.min;
-    let brick = BRICK as f32;
+    let brick = BRICK.min(edge / 4).max(1) as f32;
     let (voxel_size, dims, ()) = first_fitting(extent_of(Vec3::ZERO, size), edge, |voxel| {
         // An empty voxel on either side, and one less than a brick for where the bounds begin.
         (((size / voxel).ceil() + 2.0 + brick).as_uvec3(), ())
@@ -266,7 +266,7 @@ mod tests {
 
     #[test]
     fn nested_grids_hold_their_regions_wherever_these_are() {
-        for edge in [32, 64, 128] {
+        for edge in [8, 9, 13, 32, 64, 128] {
             let mut first: Option<Grid> = None;
             for step in 0..200 {
                 let low = Vec3::new(-300.0 + 0.37 * step as f32, 0.0, 71.3 - 1.1 * step as f32);
@@ -291,7 +291,7 @@ mod tests {
                 );
                 let first = first.get_or_insert(grid);
                 for (level, before) in [(finest, first.origin), (grid.further[0], first.further[0].origin)] {
-                    let bricks = (level.origin - before) / (level.voxel_size * BRICK as f32);
+                    let bricks = (level.origin - before) / (level.voxel_size * BRICK.min(edge / 4) as f32);
                     assert!(bricks.abs_diff_eq(bricks.round(), 1e-2), "{level:?} {bricks}");
                 }
                 assert_eq!((first.voxel_size, first.dims), (grid.voxel_size, grid.dims));
