@@ -49,6 +49,8 @@ shaders! {
     "avg/distance.wgsl" => ["find_occupied", "pass_x", "pass_y", "pass_z"],
     "vpl/types.wgsl" => [],
     "vpl/emitters.wgsl" => ["collect", "accumulate"],
+    "vpl/starts.wgsl" => [],
+    "vpl/look_ahead.wgsl" => ["look_ahead"],
     "vpl/trace.wgsl" => ["trace_paths"],
     "vpl/order.wgsl" => ["scan_paths", "write_pairs"],
     "vpl/list.wgsl" => ["scan_weights", "build_list"],

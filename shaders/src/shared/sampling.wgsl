@@ -48,6 +48,12 @@ fn unit_float(bits: u32) -> f32 {
     return f32(bits >> 8u) * (1.0 / 16777216.0);
 }
 
+/// Of many, the one that waits the shortest is each with a probability in proportion to its weight, and another one only where the
+/// weights of these two say so. Efraimidis & Spirakis 2006, "Weighted random sampling with a reservoir". `name`: the chance is its own.
+fn waiting_time(name: u32, weight: f32) -> f32 {
+    return -log(max(unit_float(hash(name)), 1e-10)) / max(weight, 1e-30);
+}
+
 /// Point `index` of a stratified set in [0, 1)^2, a set of its own for every `dimension`.
 fn sample_square(index: u32, dimension: u32) -> vec2<f32> {
     let seed = hash(dimension);

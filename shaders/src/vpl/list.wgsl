@@ -14,7 +14,7 @@
 
 #import bevy_bounce::shared::groups::exclusive_scan
 #import bevy_bounce::shared::grid::{Grid, grid_level, level_at, brick_at, COUNTER_AREA}
-#import bevy_bounce::shared::sampling::{hash, unit_float}
+#import bevy_bounce::shared::sampling::waiting_time
 #import bevy_bounce::vpl::types::{
     Vpl, VplParameters, VplHeader, SUBSETS, MET, BRICK_WORDS, BRICK_VERTICES, BRICK_LIGHTS, LIGHT_SHIFT,
     luminance,
@@ -136,12 +136,6 @@ fn first_vertex(light: u32) -> u32 {
     return low;
 }
 
-// Of many, the one that waits the shortest is each with a probability in proportion to its flux. Efraimidis and Spirakis 2006,
-// "Weighted random sampling with a reservoir". The chance belongs to the vertex of the path, whatever run it is in.
-fn waiting_time(slot: u32, weight: f32) -> f32 {
-    return -log(max(unit_float(hash(slot)), 1e-10)) / max(weight, 1e-30);
-}
-
 @compute @workgroup_size(64)
 fn build_list(@builtin(global_invocation_id) id: vec3<u32>) {
     let light = id.x;
@@ -156,6 +150,7 @@ fn build_list(@builtin(global_invocation_id) id: vec3<u32>) {
     for (var i = first; i < end; i++) {
         let slot = pairs[i].y;
         let own = vertices[slot].flux;
+        // The chance belongs to the vertex of the path, whatever run it is in.
         let wait = waiting_time(slot, luminance(own));
         chosen = select(chosen, slot, wait < least);
         least = min(least, wait);

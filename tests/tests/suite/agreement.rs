@@ -2,7 +2,7 @@
 
 use bevy::math::Vec3;
 use bevy_bounce_shaders::types::{
-    AtlasParameters, BRICK_WORDS, Grid, HILBERT_BITS, Occluder, Path, Vpl, VplHeader, VplParameters,
+    AtlasParameters, BRICK_WORDS, CANDIDATES, Grid, HILBERT_BITS, Occluder, Path, Vpl, VplHeader, VplParameters,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::glb::{self, GlbScene};
@@ -49,11 +49,13 @@ fn light_up(scene: &TestScene, grid: &Grid) -> Resources {
         .structs("vertices", &vec![Vpl::default(); slots])
         .structs("paths", &vec![Path::default(); PATHS as usize])
         .zeroed("bricks", bricks * BRICK_WORDS as usize)
+        .zeroed("candidates", (PATHS * CANDIDATES) as usize)
         .structs("vpls", &vec![Vpl::default(); LIGHTS as usize])
         .structs("header", &[VplHeader::default()])
         .zeroed("vertex_count", 1)
         .zeroed("pairs", 2 * slots)
         .zeroed("starts", slots);
+    run(gpu(), "vpl/look_ahead.wgsl", "look_ahead", &resources, [PATHS * CANDIDATES / 64, 1, 1]);
     run(gpu(), "vpl/trace.wgsl", "trace_paths", &resources, [PATHS.div_ceil(64), 1, 1]);
     run(gpu(), "vpl/order.wgsl", "scan_paths", &resources, [1, 1, 1]);
     run(gpu(), "vpl/order.wgsl", "write_pairs", &resources, [PATHS.div_ceil(64), 1, 1]);

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::RenderContext;
-use bevy_bounce_shaders::types::{HILBERT_BITS, VplParameters};
+use bevy_bounce_shaders::types::{CANDIDATES, HILBERT_BITS, VplParameters};
 
 use super::pipelines::VplPipelines;
 use super::prepare::VplBuffers;
@@ -58,19 +58,18 @@ pub(super) fn trace_vpls(
             scene_uniform.clone(),
         ],
     );
-    let trace = p.trace_paths.bind(
-        &device,
-        &cache,
-        &[
-            parameters.clone(),
-            scene_uniform.clone(),
-            whole(&scene.lights),
-            whole(&vpl.emitters),
-            whole(vpl.vertices(&grid)),
-            whole(&vpl.paths),
-            whole(&vpl.bricks),
-        ],
-    );
+    let trace_bindings = [
+        parameters.clone(),
+        scene_uniform.clone(),
+        whole(&scene.lights),
+        whole(&vpl.emitters),
+        whole(&vpl.bricks),
+        whole(&vpl.candidates),
+        whole(vpl.vertices(&grid)),
+        whole(&vpl.paths),
+    ];
+    let ahead = p.look_ahead.bind(&device, &cache, &trace_bindings[..6]);
+    let trace = p.trace_paths.bind(&device, &cache, &trace_bindings);
     let order = p.scan_paths.bind(
         &device,
         &cache,
@@ -132,6 +131,7 @@ pub(super) fn trace_vpls(
     let VplParameters { path_count, capacity, .. } = vpl.parameters();
     let groups = |threads: u32| UVec3::new(threads.div_ceil(GROUP), 1, 1);
     encoder.clear_buffer(&vpl.bricks, 0, None);
+    p.look_ahead.dispatch(encoder, &cache, &[&ahead, &grid_group], folded((path_count * CANDIDATES).div_ceil(GROUP)));
     p.trace_paths.dispatch(encoder, &cache, &[&trace, &grid_group], groups(path_count));
     p.scan_paths.dispatch(encoder, &cache, &[&order], UVec3::ONE);
     p.write_pairs.dispatch(encoder, &cache, &[&order], groups(path_count));

@@ -14,6 +14,7 @@ use crate::compute::{GiShaders, Kernel, KernelDescriptor};
 pub(super) struct VplPipelines {
     pub collect_emitters: Kernel,
     pub accumulate_emitters: Kernel,
+    pub look_ahead: Kernel,
     pub trace_paths: Kernel,
     pub scan_paths: Kernel,
     pub write_pairs: Kernel,
@@ -34,8 +35,8 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     };
     // Geometry, instances, materials, thumbnails; emissive chunks, emitters, scene.
     let emitters = [read, read, read, read, read, write, uniform];
-    // Parameters, scene; lights, emitters; vertices, paths, bricks.
-    let trace = [uniform, uniform, read, read, write, write, write];
+    // Parameters, scene; lights, emitters; bricks, candidates; vertices, paths.
+    let trace = [uniform, uniform, read, read, write, write, write, write];
     // Parameters, grid; vertices; paths, vertex count, pairs.
     let order = [uniform, uniform, read, write, write, write];
     // Parameters, grid; vertices, vertex count, pairs; bricks; counters; starts, header, list.
@@ -49,6 +50,7 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     commands.insert_resource(VplPipelines {
         collect_emitters: kernel("vpl/emitters.wgsl", "collect", &emitters, &[]),
         accumulate_emitters: kernel("vpl/emitters.wgsl", "accumulate", &emitters, &[]),
+        look_ahead: kernel("vpl/look_ahead.wgsl", "look_ahead", &trace[..6], &[grid_layout()]),
         trace_paths: kernel("vpl/trace.wgsl", "trace_paths", &trace, &[grid_layout()]),
         scan_paths: kernel("vpl/order.wgsl", "scan_paths", &order, &[]),
         write_pairs: kernel("vpl/order.wgsl", "write_pairs", &order, &[]),

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::{
-    BRICK_WORDS, CHUNK_TRIANGLES, Emitter, MEETING_WORDS, Path, Vpl, VplHeader, VplParameters,
+    BRICK_WORDS, CANDIDATES, CHUNK_TRIANGLES, Emitter, MEETING_WORDS, Path, Vpl, VplHeader, VplParameters,
 };
 
 use crate::avg::VoxelGrid;
@@ -26,6 +26,8 @@ pub(crate) struct VplBuffers {
     vertex_bytes: u64,
     /// Vertices of each path.
     pub paths: Buffer,
+    /// Where light from places falls in which paths from directional lights may start, [`CANDIDATES`] words each.
+    pub candidates: Buffer,
     /// Vertices of all paths: one word.
     pub vertex_count: Buffer,
     /// Vertices in the order they are cut into lights.
@@ -56,6 +58,7 @@ impl VplBuffers {
             vertices: None,
             vertex_bytes: slots * u64::from(Vpl::min_size()),
             paths: storage(device, "bounce_paths", paths * u64::from(Path::min_size())),
+            candidates: storage(device, "bounce_path_candidates", paths * u64::from(CANDIDATES) * 4),
             vertex_count: storage(device, "bounce_path_vertex_count", 4),
             order: SortBuffers::new(device, slots as u32),
             starts: storage(device, "bounce_vpl_starts", slots * 4),
@@ -85,6 +88,7 @@ impl VplBuffers {
                 "vpl: paths",
                 self.vertices.as_ref().map_or(0, |vertices| vertices.size())
                     + self.paths.size()
+                    + self.candidates.size()
                     + self.bricks.size()
                     + self.densities.size(),
             ),

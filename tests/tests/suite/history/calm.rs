@@ -84,8 +84,12 @@ fn unrest(stage: &mut Stage, frames: usize) -> (f64, f64) {
     let means: Vec<f64> = (0..frames).map(|_| next()).collect();
     let largest = |values: &mut dyn Iterator<Item = f64>| values.map(f64::abs).fold(0.0, f64::max);
     let jump = largest(&mut means.windows(2).map(|m| m[1] / m[0] - 1.0));
-    let alone = largest(&mut means.windows(3).map(|m| 2.0 * m[1] / (m[0] + m[2]) - 1.0));
-    (jump, alone)
+    let off: Vec<f64> = means.windows(3).map(|m| 2.0 * m[1] / (m[0] + m[2]) - 1.0).collect();
+    println!(
+        "off neighbours, root of the mean square: {:.4}",
+        (off.iter().map(|off| off * off).sum::<f64>() / off.len() as f64).sqrt()
+    );
+    (jump, largest(&mut off.into_iter()))
 }
 
 /// A figure that walks changes the light around it step by step: no frame is brighter or darker than those beside it.
@@ -119,7 +123,7 @@ fn no_frame_stands_out_in_a_crowd_lit_by_caches() {
 }
 
 #[test]
-#[ignore = "not met: means are up to three percent off their neighbours"]
+#[ignore = "not met: means are up to four percent off their neighbours"]
 fn no_frame_stands_out_in_a_crowd_lit_by_virtual_lights() {
     let alone = unrest_of_a_crowd(Technique::InstantRadiosity);
     assert!(alone < 0.01, "a frame's mean is {alone} off its neighbours");

@@ -1,0 +1,200 @@
+// Where paths start: at a light chosen in proportion to its power; those of directional lights in the shadow of the regions.
+
+#define_import_path bevy_bounce::vpl::starts
+
+#import bevy_bounce::shared::rays::grid
+#import bevy_bounce::shared::sampling::sample_square
+#import bevy_bounce::shared::scene::{Light, Scene, Region, projected_area, LIGHT_DIRECTIONAL, CHUNK_TRIANGLES}
+#import bevy_bounce::vpl::types::{Emitter, VplParameters, CANDIDATES}
+
+@group(0) @binding(0) var<uniform> parameters: VplParameters;
+@group(0) @binding(1) var<uniform> scene: Scene;
+@group(0) @binding(2) var<storage, read> lights: array<Light>;
+@group(0) @binding(3) var<storage, read> emitters: array<Emitter>;
+// What is known of each brick of the grid, `BRICK_WORDS` each.
+@group(0) @binding(4) var<storage, read_write> bricks: array<atomic<u32>>;
+// Path by path, the bricks that light from `CANDIDATES` places falls into, counted from 1; 0 where it meets nothing.
+@group(0) @binding(5) var<storage, read_write> candidates: array<u32>;
+
+// Dimensions of the sequence.
+const DIMENSION_LIGHT: u32 = 0u;
+const DIMENSION_POSITION: u32 = 1u;
+const DIMENSION_DIRECTION: u32 = 2u;
+const DIMENSION_PROMISE: u32 = 3u;
+const DIMENSION_CHOICE: u32 = 4u;
+const DIMENSION_PATCH: u32 = 5u;
+const DIMENSION_BOUNCE: u32 = 8u;
+
+/// Edge of the part of a moving region that the candidates of a path are in.
+const PATCH: f32 = 0.25;
+
+// Voxels: a path starts on a plane of the grid, and in a corner another one is near.
+const PATH_GAP: f32 = 0.02;
+
+/// What a path starts at: one of the lights, or one of the emitters; where the running sum of its kind begins, and the sum of all.
+struct Source {
+    found: bool,
+    is_emitter: bool,
+    index: u32,
+    first: u32,
+    total: f32,
+}
+
+fn emissive_power() -> f32 {
+    if scene.emissive_chunk_count == 0u {
+        return 0.0;
+    }
+    return emitters[scene.emissive_chunk_count * CHUNK_TRIANGLES - 1u].cumulative_power;
+}
+
+// Of all directions of the sky, whose running sum begins anew.
+fn sky_power() -> f32 {
+    if scene.sky_count == 0u {
+        return 0.0;
+    }
+    return lights[scene.light_count + scene.sky_count - 1u].cumulative_power;
+}
+
+// The first of some lights whose running sum lies beyond `power`.
+fn find_light(power: f32, first: u32, count: u32) -> u32 {
+    var low = first;
+    var high = first + count - 1u;
+    while low < high {
+        let middle = (low + high) / 2u;
+        if lights[middle].cumulative_power > power {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
+    }
+    return low;
+}
+
+// By rounding a choice may be the whole sum: only what shines is asked.
+fn source_of(path: u32) -> Source {
+    let emissive = emissive_power();
+    let sky = sky_power();
+    let total = scene.light_power + emissive + sky;
+    let pick = sample_square(path, DIMENSION_LIGHT).x * total;
+    if total <= 0.0 {
+        return Source(false, false, 0u, 0u, 0.0);
+    }
+    if sky > 0.0 && pick >= scene.light_power + emissive {
+        let first = scene.light_count;
+        return Source(true, false, find_light(pick - scene.light_power - emissive, first, scene.sky_count), first, total);
+    }
+    if emissive > 0.0 && pick >= scene.light_power {
+        return Source(true, true, find_emitter(pick - scene.light_power), 0u, total);
+    }
+    return Source(true, false, find_light(pick, 0u, scene.light_count), 0u, total);
+}
+
+fn find_emitter(power: f32) -> u32 {
+    var low = 0u;
+    var high = scene.emissive_chunk_count * CHUNK_TRIANGLES - 1u;
+    while low < high {
+        let middle = (low + high) / 2u;
+        if emitters[middle].cumulative_power > power {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
+    }
+    return low;
+}
+
+// Projected areas of the faces of a box that are turned to a light.
+fn lit_areas(region: Region, light: Light) -> vec3<f32> {
+    let size = region.max - region.min;
+    return size.yzx * size.zxy * abs(light.direction);
+}
+
+// The same of all regions, each with its weight.
+fn weighted_area(light: Light) -> f32 {
+    var sum = 0.0;
+    for (var i = 0u; i < scene.region_count; i++) {
+        sum += scene.regions[i].weight * projected_area(scene.regions[i], light.direction);
+    }
+    return sum;
+}
+
+// Sum of the weights of the regions that a line along the light goes through: of their lit areas, times this, paths have their
+// starts.
+fn start_density(light: Light, point: vec3<f32>) -> f32 {
+    if scene.region_count == 1u {
+        return scene.regions[0].weight;
+    }
+    let tiny = vec3<f32>(1e-6);
+    let inverse = 1.0 / select(light.direction, tiny, abs(light.direction) < tiny);
+    var density = 0.0;
+    for (var i = 0u; i < scene.region_count; i++) {
+        let a = (scene.regions[i].min - point) * inverse;
+        let b = (scene.regions[i].max - point) * inverse;
+        let low = min(a, b);
+        let high = max(a, b);
+        let is_met = max(low.x, max(low.y, low.z)) <= min(high.x, min(high.y, high.z));
+        density += select(0.0, scene.regions[i].weight, is_met);
+    }
+    return density;
+}
+
+// The region that a path starts in, chosen in proportion to weight and lit area.
+fn choose_region(light: Light, path: u32) -> u32 {
+    var left = sample_square(path, DIMENSION_CHOICE).y * weighted_area(light);
+    for (var i = 0u; i + 1u < scene.region_count; i++) {
+        left -= scene.regions[i].weight * projected_area(scene.regions[i], light.direction);
+        if left < 0.0 {
+            return i;
+        }
+    }
+    return scene.region_count - 1u;
+}
+
+// A point on a plane before one of the three faces of a region that are turned to the light, in proportion to their projected
+// areas. A region that moves with the camera has its points where they are in the world: those that it leaves behind on one
+// side come in on the other. There all candidates of a path are near each other, so that what comes and goes at the region's
+// ends changes nothing within.
+fn start_on_region(light: Light, index: u32, path: u32, candidate: u32) -> vec3<f32> {
+    let region = scene.regions[index];
+    let moves = index + 1u < scene.region_count;
+    var square = sample_square(candidate, DIMENSION_POSITION);
+    var aside = vec2<f32>(0.0);
+    if moves {
+        aside = (square - 0.5) * PATCH;
+        square = sample_square(path, DIMENSION_PATCH);
+    }
+    let size = region.max - region.min;
+    let areas = lit_areas(region, light);
+    var pick = square.x * (areas.x + areas.y + areas.z);
+    var axis = 2u;
+    if pick < areas.x {
+        axis = 0u;
+    } else if pick < areas.x + areas.y {
+        axis = 1u;
+        pick -= areas.x;
+    } else {
+        pick -= areas.x + areas.y;
+    }
+    var place = vec3<f32>(0.0);
+    place[axis] = select(0.0, 1.0, light.direction[axis] < 0.0);
+    place[(axis + 1u) % 3u] = clamp(pick / max(areas[axis], 1e-30), 0.0, 1.0) + aside.x;
+    place[(axis + 2u) % 3u] = square.y + aside.y;
+    if moves {
+        // Where the lines through the region's corner cross the plane through the world's origin.
+        let face = region.min[axis] + place[axis] * size[axis];
+        let low = region.min - light.direction * (face / light.direction[axis]);
+        let kept = place[axis];
+        place = fract(place - low / size);
+        place[axis] = kept;
+    }
+    let point = region.min + place * size;
+    return point - light.direction * (way_out(light, point) + grid.voxel_size);
+}
+
+// How far it is from a point against the light to the outside of all.
+fn way_out(light: Light, point: vec3<f32>) -> f32 {
+    let face = select(scene.bounds_min, scene.bounds_max, light.direction < vec3<f32>(0.0));
+    let ways = (point - face) / select(light.direction, vec3<f32>(1e-6), abs(light.direction) < vec3<f32>(1e-6));
+    let ahead = select(ways, vec3<f32>(1e30), abs(light.direction) < vec3<f32>(1e-6));
+    return max(min(ahead.x, min(ahead.y, ahead.z)), 0.0);
+}
