@@ -103,8 +103,8 @@ pub struct GiSettings {
     pub probes: u32,
     /// Directions from which the sky's light comes, for the whole picture: 0 to 256, a multiple of 16. The sky is what the camera's
     /// `EnvironmentMapLight` shows, also one that Bevy makes of its atmosphere; without one, its `Skybox`. Its light is then shadowed by
-    /// the scene and bounces, and takes the place of Bevy's diffuse light by environment maps; their reflections stay, but with
-    /// [`Technique::RadianceCache`], whose caches show the sky. 0 leaves all to Bevy. Each pixel sends
+    /// the scene and bounces, and takes the place of Bevy's diffuse light by environment maps; what is mirrored of them stays as
+    /// far as the sky is seen from there, but with [`Technique::RadianceCache`], whose caches show the sky. 0 leaves all to Bevy. Each pixel sends
     /// a sixteenth of so many rays through the voxel grid; more make its shadows smoother. Not with
     /// [`Technique::SurfaceRadiosity`].
     #[reflect(@0..=256_u32)]

@@ -6,11 +6,13 @@
 //! | `direct` | rgba16float | direct light; alpha 1 where a surface is lit |
 //! | `direct_diffuse` | rgba16float | its diffuse part |
 //! | `indirect` | rgba16float | irradiance of bounced light over pi |
+//! | `mirrored_sky` | rgba16float | what is mirrored of the sky; how wide the lobe is; where it is to be shadowed |
+//! | `sky_seen` | rg of rgba16float | share of the sky's light that is seen by a wide lobe and by a narrow one; where it is to be shadowed |
 //! | `glossy` | rgba16float | bounced light convolved with the lobe of the pixel's roughness; where it is asked for |
 //! | `interleaved` | rgba16float | bounced light, half filtered; then what pixels send, for bias compensation; then bounced light averaged over frames |
 //!
-//! Light is pre-exposed: cd/m^2 times the view's exposure. `direct`, `indirect` and `glossy` are the layers of one array, so that
-//! the composing pass needs one binding for all: Bevy's view bindings leave no more of the 16 that WebGPU guarantees.
+//! Light is pre-exposed: cd/m^2 times the view's exposure. `direct`, `indirect`, the two of the sky and `glossy` are the layers of one
+//! array, so that the composing pass needs one binding for all: Bevy's view bindings leave no more of the 16 that WebGPU guarantees.
 
 use bevy::camera::MainPassResolutionOverride;
 use bevy::prelude::*;
@@ -22,6 +24,7 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::RenderDevice;
 use bevy::render::view::ExtractedView;
 
+use crate::compose::SkyViews;
 use crate::{GiIsolate, GiSettings, Technique};
 
 /// A camera with bounced light, in the render world.
@@ -56,13 +59,29 @@ pub(crate) struct ViewTextures {
     pub interleaved: TextureView,
     /// Glossy bounced light, where the view asks for it.
     pub glossy: Option<TextureView>,
-    /// `direct`, `indirect` and `glossy` as layers of an array.
+    /// What is mirrored of the sky, where that is to be shadowed.
+    pub mirrored_sky: Option<TextureView>,
+    /// What of the sky is seen, there.
+    pub sky_seen: Option<TextureView>,
+    /// `direct`, `indirect`, `mirrored_sky`, `sky_seen` and `glossy` as layers of an array.
     pub light: TextureView,
     textures: [Texture; 4],
 }
 
+/// What a view needs textures for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct ViewLayout {
+    /// Pixels.
+    size: UVec2,
+    /// What is mirrored of the sky is shadowed.
+    sky: bool,
+    /// There is glossy light.
+    glossy: bool,
+}
+
 impl ViewTextures {
-    fn new(device: &RenderDevice, size: UVec2, glossy: bool) -> Self {
+    fn new(device: &RenderDevice, ViewLayout { size, sky, glossy }: ViewLayout) -> Self {
+        let sky_layers = if sky { 2 } else { 0 };
         let texture = |label, format, layers, usage| {
             device.create_texture(&TextureDescriptor {
                 label: Some(label),
@@ -78,7 +97,7 @@ impl ViewTextures {
         let half = TextureFormat::Rgba16Float;
         let (storage, target) = (TextureUsages::STORAGE_BINDING, TextureUsages::RENDER_ATTACHMENT);
         let surface = texture("bounce_surface", TextureFormat::Rg32Uint, 1, storage);
-        let light = texture("bounce_light", half, if glossy { 3 } else { 2 }, storage | target);
+        let light = texture("bounce_light", half, 2 + sky_layers + u32::from(glossy), storage | target);
         let direct_diffuse = texture("bounce_direct_diffuse", half, 1, target);
         let interleaved = texture("bounce_interleaved", half, 1, storage);
         let layer = |layer| {
@@ -97,16 +116,22 @@ impl ViewTextures {
             direct_diffuse: whole(&direct_diffuse),
             indirect: layer(1),
             interleaved: whole(&interleaved),
-            glossy: glossy.then(|| layer(2)),
+            mirrored_sky: sky.then(|| layer(2)),
+            sky_seen: sky.then(|| layer(3)),
+            glossy: glossy.then(|| layer(2 + sky_layers)),
             light: light
                 .create_view(&TextureViewDescriptor { dimension: Some(TextureViewDimension::D2Array), ..default() }),
             textures: [surface, light, direct_diffuse, interleaved],
         }
     }
 
+    fn layout(&self) -> ViewLayout {
+        ViewLayout { size: self.size, sky: self.sky_seen.is_some(), glossy: self.glossy.is_some() }
+    }
+
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> [(&'static str, u64); 4] {
-        let names = ["view: surface", "view: direct, indirect and glossy", "view: direct diffuse", "view: interleaved"];
+        let names = ["view: surface", "view: light", "view: direct diffuse", "view: interleaved"];
         std::array::from_fn(|i| {
             let texture = &self.textures[i];
             let texels = u64::from(self.size.x) * u64::from(self.size.y) * u64::from(texture.depth_or_array_layers());
@@ -131,6 +156,7 @@ pub(crate) fn main_pass_size(
 pub(crate) fn prepare_view_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
+    skies: SkyViews,
     views: Query<(
         Entity,
         &GiView,
@@ -143,12 +169,13 @@ pub(crate) fn prepare_view_textures(
     let limit = device.limits().max_texture_dimension_2d;
     for (entity, gi, camera, view, resolution_override, textures) in &views {
         let size = main_pass_size(camera, view, resolution_override).filter(|size| size.max_element() <= limit);
-        let glossy = gi.settings.has_glossy_light();
-        if size.map(|size| (size, glossy)) == textures.map(|textures| (textures.size, textures.glossy.is_some())) {
+        let (sky, glossy) = (skies.are_shadowed(gi, view), gi.settings.has_glossy_light());
+        let layout = size.map(|size| ViewLayout { size, sky, glossy });
+        if layout == textures.map(ViewTextures::layout) {
             continue;
         }
-        match size {
-            Some(size) => commands.entity(entity).insert(ViewTextures::new(&device, size, glossy)),
+        match layout {
+            Some(layout) => commands.entity(entity).insert(ViewTextures::new(&device, layout)),
             None => commands.entity(entity).remove::<ViewTextures>(),
         };
     }

@@ -9,9 +9,16 @@
 
 /// Bevy's `PbrDeferredLightingDepthId`: which deferred pixels are lit as standard materials.
 @group(2) @binding(0) var<uniform> lighting_pass_id: u32;
-/// Layer 0: direct light; layer 1: irradiance of bounced light over pi; layer 2, where there is glossy light: bounced light
-/// convolved with the surface's lobe. All pre-exposed.
+/// Layer 0: direct light; layer 1: irradiance of bounced light over pi; then, each where there is such light: what is mirrored of the
+/// sky, and what of the sky is seen, two layers; bounced light convolved with the surface's lobe. All light is pre-exposed.
 @group(2) @binding(1) var light_texture: texture_2d_array<f32>;
+
+const SKY_LAYER: i32 = 2;
+#ifdef COMPOSE_SKY
+const GLOSSY_LAYER: i32 = 4;
+#else
+const GLOSSY_LAYER: i32 = 2;
+#endif
 
 /// A triangle over the whole target, at the depth that stands for the lighting pass id (`DeferredLightingIdDepthTexture`).
 @vertex
@@ -67,7 +74,7 @@ fn indirect_light(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
 
 /// Bounced light convolved with the surface's lobe.
 fn glossy_radiance(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
-    return textureLoad(light_texture, pixel, 2, 0).rgb * (surface.specular_occlusion * left_by_screen_space(surface));
+    return textureLoad(light_texture, pixel, GLOSSY_LAYER, 0).rgb * (surface.specular_occlusion * left_by_screen_space(surface));
 }
 
 fn reflected_light(surface: PbrInput, irradiance: vec3<f32>, radiance: vec3<f32>) -> vec3<f32> {
@@ -87,6 +94,17 @@ fn indirect_light(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
 }
 #endif
 
+/// What the surface mirrors of the sky, but for what stands in the sky's way.
+fn mirrored_sky(pixel: vec2<i32>) -> vec3<f32> {
+#ifdef COMPOSE_SKY
+    let mirrored = textureLoad(light_texture, pixel, SKY_LAYER, 0);
+    let seen = textureLoad(light_texture, pixel, SKY_LAYER + 1, 0);
+    return mirrored.rgb * min(mix(seen.y, seen.x, mirrored.a), 1.0);
+#else
+    return vec3<f32>(0.0);
+#endif
+}
+
 /// Emission as Bevy's deferred path shows it: without exposure, below the clearcoat.
 fn emitted_light(surface: PbrInput) -> vec3<f32> {
     let n_dot_v = max(dot(surface.clearcoat_N, surface.V), 0.0001);
@@ -101,7 +119,7 @@ fn compose(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
     let surface = load_pbr_input(target_pixel);
     var color = surface.material.base_color;
     if (surface.material.flags & STANDARD_MATERIAL_FLAGS_UNLIT_BIT) == 0u {
-        var light = textureLoad(light_texture, pixel, 0, 0).rgb + emitted_light(surface);
+        var light = textureLoad(light_texture, pixel, 0, 0).rgb + mirrored_sky(pixel) + emitted_light(surface);
 #ifdef COMPOSE_INDIRECT
         light += indirect_light(surface, pixel);
 #endif

@@ -1,7 +1,11 @@
 // Direct light by Bevy's own lighting and shadow functions, and its diffuse part once more by itself.
 //
 // This is `apply_pbr_lighting` of bevy_pbr/src/render/pbr_functions.wgsl for the deferred G-buffer, without what bounced light
-// replaces (ambient light, irradiance volumes, of environment maps the diffuse part) and without emission, which `compose.wgsl` adds. Both targets are pre-exposed.
+// replaces (ambient light, irradiance volumes, of environment maps the diffuse part) and without emission, which `compose.wgsl` adds. All
+// targets are pre-exposed.
+//
+// Where the sky's light bounces (`SKY`), what surfaces mirror of it goes into a target of its own, for `compose.wgsl` to shadow. What
+// reflection probes show of their surroundings is left as it is.
 
 #import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color}
 #import bevy_pbr::clustered_forward as clustering
@@ -17,6 +21,9 @@
 #ifdef ENVIRONMENT_MAP
 #import bevy_pbr::environment_map
 #endif
+#ifdef SKY
+#import bevy_pbr::light_probe
+#endif
 
 @group(2) @binding(0) var surface_texture: texture_2d<u32>;
 
@@ -27,6 +34,11 @@ struct Targets {
     /// Alpha 1 where a surface is lit.
     @location(0) light: vec4<f32>,
     @location(1) diffuse: vec4<f32>,
+#ifdef SKY
+    /// What is mirrored of the sky; alpha: 0 for a lobe as narrow as `mirrored_lobe` of interleaved/sky.wgsl, 1 for one as wide as the
+    /// cosine's.
+    @location(2) sky: vec4<f32>,
+#endif
 }
 
 /// What Bevy's light functions want to know of a surface.
@@ -93,10 +105,37 @@ fn is_shadowed_clustered(surface: PbrInput, light_id: u32) -> bool {
         && (flags & mesh_view_types::POINT_LIGHT_FLAGS_SHADOWS_ENABLED_BIT) != 0u;
 }
 
+fn exposed(light: vec3<f32>, alpha: f32) -> vec4<f32> {
+    return vec4<f32>(clamp(light * view_bindings::view.exposure, vec3<f32>(0.0), vec3<f32>(HALF_MAX)), alpha);
+}
+
+#ifdef SKY
+/// How much of what environment maps show at a point is from reflection probes, as `compute_radiances` of
+/// bevy_pbr/src/light_probe/environment_map.wgsl weighs them.
+fn share_of_probes(position: vec3<f32>, ranges: ptr<function, clustering::ClusterableObjectIndexRanges>) -> f32 {
+    var share = 0.0;
+#ifdef MULTIPLE_LIGHT_PROBES_IN_ARRAY
+    var probes = light_probe::light_probe_iterator_new(position, false, ranges);
+    var probe = light_probe::light_probe_iterator_next(&probes);
+    while probe.texture_index >= 0 {
+        share += probe.weight;
+        probe = light_probe::light_probe_iterator_next(&probes);
+    }
+#endif
+    return min(share, 1.0);
+}
+
+/// From 0 for the lobe of `mirrored_lobe` of interleaved/sky.wgsl to 1 for the cosine's. `roughness`: squared.
+fn lobe_width(roughness: f32) -> f32 {
+    return saturate(2.0 * roughness - 1.0);
+}
+#endif
+
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
+    var targets: Targets;
     if textureLoad(surface_texture, vec2<i32>(position.xy), 0).x == 0u {
-        return Targets(vec4<f32>(0.0), vec4<f32>(0.0));
+        return targets;
     }
     let surface = load_pbr_input(vec2<i32>(position.xy) + vec2<i32>(view_bindings::view.main_pass_viewport.xy));
     var input = lighting_input(surface);
@@ -172,13 +211,11 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
 #endif
 
 #ifdef ENVIRONMENT_MAP
-    let environment = environment_map::environment_map_light(&input, &ranges, false);
 #ifdef SKY
-    // The sky's diffuse light is with what bounces.
-    var environment_light = vec3<f32>(0.0);
-#else
-    var environment_light = environment.diffuse * surface.diffuse_occlusion;
+    // The sky's light by the diffuse colour is with what bounces; what metals reflect after several bounces in their relief is not.
+    input.diffuse_color = vec3<f32>(0.0);
 #endif
+    let environment = environment_map::environment_map_light(&input, &ranges, false);
 #ifdef SCREEN_SPACE_REFLECTIONS
     // Screen-space reflections add the specular part where they run.
     let roughness = surface.material.perceptual_roughness;
@@ -187,15 +224,20 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
 #else
     let reflects = false;
 #endif
-    if !reflects {
-        environment_light += environment.specular * surface.specular_occlusion;
-    }
-    light += environment_light;
+    var mirrored = select(environment.specular * surface.specular_occlusion, vec3<f32>(0.0), reflects);
+#ifdef SKY
+#ifndef COMPOSE_GLOSSY
+    mirrored += environment.diffuse * surface.diffuse_occlusion;
+#endif
+    let share = share_of_probes(surface.world_position.xyz, &ranges);
+    light += mirrored * share;
+    targets.sky = exposed(mirrored * (1.0 - share), lobe_width(input.layers[LAYER_BASE].roughness));
+#else
+    light += mirrored + environment.diffuse * surface.diffuse_occlusion;
+#endif
 #endif
 
-    let exposure = view_bindings::view.exposure;
-    return Targets(
-        vec4<f32>(clamp(light * exposure, vec3<f32>(0.0), vec3<f32>(HALF_MAX)), 1.0),
-        vec4<f32>(clamp(diffuse * exposure, vec3<f32>(0.0), vec3<f32>(HALF_MAX)), 1.0),
-    );
+    targets.light = exposed(light, 1.0);
+    targets.diffuse = exposed(diffuse, 1.0);
+    return targets;
 }

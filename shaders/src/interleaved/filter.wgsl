@@ -5,10 +5,14 @@
 //
 // At half resolution, a pixel for which that finds less than an eighth of the samples is lit by all lights.
 //
+// What of the sky is seen is joined in the same way (`SKY_SEEN`), in two passes of its own.
+//
 // Cost: 28 loads a pixel.
 
 #import bevy_render::view::View
-#import bevy_bounce::interleaved::surface::{Surface, unpack_surface, is_same_surface, texels_shaded, PIXELS_A_TEXEL}
+#import bevy_bounce::interleaved::surface::{
+    Surface, unpack_surface, is_same_surface, toward_eye, texels_shaded, PIXELS_A_TEXEL,
+}
 #ifdef HALF_RESOLUTION
 #import bevy_bounce::interleaved::gather::gather_all
 #endif
@@ -16,7 +20,7 @@
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var surface_texture: texture_2d<u32>;
 @group(0) @binding(4) var output: texture_storage_2d<rgba16float, write>;
-// Light; share of the samples that it is the mean of.
+// Light, or what of the sky is seen; share of the samples that it is the mean of.
 @group(0) @binding(7) var light_texture: texture_2d<f32>;
 
 /// Texels from the middle of the tent to where it ends.
@@ -44,6 +48,18 @@ fn tent(center: Surface, texel: vec2<u32>, pixel: vec2<u32>, axis: vec2<u32>, pl
     }
     return vec4<f32>(sum.rgb / max(sum.w, 1e-6), sum.w / f32(REACH * REACH));
 }
+
+#ifdef HALF_RESOLUTION
+// From all lights.
+fn gathered(surface: Surface) -> vec3<f32> {
+    let all = gather_all(surface, toward_eye(view, surface.position));
+#ifdef SKY_SEEN
+    return vec3<f32>(all.sky_seen, 0.0);
+#else
+    return min(all.light * view.exposure, vec3<f32>(6e4));
+#endif
+}
+#endif
 
 // A row of texels at every pixel of its breadth.
 @compute @workgroup_size(8, 8)
@@ -77,7 +93,7 @@ fn filter_columns(@builtin(global_invocation_id) id: vec3<u32>) {
         light = tent(center, top, top, vec2<u32>(0u, 1u), place, texels_shaded(size).y);
 #ifdef HALF_RESOLUTION
         if light.w < FEW {
-            light = vec4<f32>(min(gather_all(center) * view.exposure, vec3<f32>(6e4)), 1.0);
+            light = vec4<f32>(gathered(center), 1.0);
         }
 #endif
     }

@@ -13,7 +13,7 @@
 #import bevy_bounce::shared::rays::{grid, trace, to_grid, Ray}
 #endif
 #ifdef SKY
-#import bevy_bounce::interleaved::sky::sky_light
+#import bevy_bounce::interleaved::sky::{sky_light, open_sky}
 #endif
 #ifdef VISIBILITY_ATLAS
 #import bevy_bounce::shadow_atlas::lookup::atlas_visible
@@ -65,22 +65,36 @@ fn gather(surface: Surface, first: u32, end: u32) -> vec3<f32> {
     return light / (PI * PI);
 }
 
-// The same straight from one of `step` directions of the sky, which stands for all.
-fn gather_sky(surface: Surface, first: u32, step: u32) -> vec3<f32> {
+struct Gathered {
+    // Irradiance over pi, cd/m^2.
+    light: vec3<f32>,
+    // Shares of the sky's light that come past what stands in its way: into the cosine lobe, and into that of `mirrored_lobe`.
+    sky_seen: vec2<f32>,
+}
+
+// The same straight from one of `step` directions of the sky, which stands for all. `to_eye`: unit length.
+fn gather_sky(surface: Surface, to_eye: vec3<f32>, first: u32, step: u32) -> Gathered {
+    var sky = Gathered(vec3<f32>(0.0), vec2<f32>(1.0));
 #ifdef SKY
-    return sky_light(surface.position, surface.normal, surface.normal, SURFACE_GAP, first, step);
-#else
-    return vec3<f32>(0.0);
+    let mirrored = reflect(-to_eye, surface.normal);
+    let light = sky_light(surface.position, surface.normal, surface.normal, mirrored, SURFACE_GAP, first, step);
+    sky.light = light.diffuse;
+#ifdef SKY_SEEN
+    sky.sky_seen = light.seen / max(open_sky(surface.normal, mirrored), vec2<f32>(1e-30));
 #endif
+#endif
+    return sky;
 }
 
 /// The same from a subset of both, which stands for all.
-fn gather_subset(surface: Surface, subset: u32) -> vec3<f32> {
+fn gather_subset(surface: Surface, to_eye: vec3<f32>, subset: u32) -> Gathered {
     let lights = gather(surface, header.subset_start[subset], header.subset_start[subset + 1u]);
-    return f32(SUBSETS) * lights + gather_sky(surface, subset, SUBSETS);
+    let sky = gather_sky(surface, to_eye, subset, SUBSETS);
+    return Gathered(f32(SUBSETS) * lights + sky.light, sky.sky_seen);
 }
 
 /// The same from all.
-fn gather_all(surface: Surface) -> vec3<f32> {
-    return gather(surface, 0u, header.count) + gather_sky(surface, 0u, 1u);
+fn gather_all(surface: Surface, to_eye: vec3<f32>) -> Gathered {
+    let sky = gather_sky(surface, to_eye, 0u, 1u);
+    return Gathered(gather(surface, 0u, header.count) + sky.light, sky.sky_seen);
 }

@@ -7,12 +7,15 @@
 // Cost: see `gather.wgsl`; a sixteenth of the lights a texel.
 
 #import bevy_render::view::View
-#import bevy_bounce::interleaved::gather::gather_subset
-#import bevy_bounce::interleaved::surface::{unpack_surface, texels_shaded, PIXELS_A_TEXEL}
+#import bevy_bounce::interleaved::gather::{gather_subset, Gathered}
+#import bevy_bounce::interleaved::surface::{unpack_surface, toward_eye, texels_shaded, PIXELS_A_TEXEL}
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var surface_texture: texture_2d<u32>;
 @group(0) @binding(4) var output: texture_storage_2d<rgba16float, write>;
+#ifdef SKY_SEEN
+@group(0) @binding(7) var sky_seen: texture_storage_2d<rgba16float, write>;
+#endif
 
 const BLOCK: u32 = 4u;
 const TILE: u32 = 8u;
@@ -29,9 +32,12 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
     }
     let pixel = texel * PIXELS_A_TEXEL;
     let surface = unpack_surface(textureLoad(surface_texture, pixel, 0).xy, pixel, size, view);
-    var light = vec3<f32>(0.0);
+    var gathered = Gathered(vec3<f32>(0.0), vec2<f32>(0.0));
     if surface.valid {
-        light = gather_subset(surface, offset.y * BLOCK + offset.x) * view.exposure;
+        gathered = gather_subset(surface, toward_eye(view, surface.position), offset.y * BLOCK + offset.x);
     }
-    textureStore(output, texel, vec4<f32>(min(light, vec3<f32>(6e4)), 1.0));
+    textureStore(output, texel, vec4<f32>(min(gathered.light * view.exposure, vec3<f32>(6e4)), 1.0));
+#ifdef SKY_SEEN
+    textureStore(sky_seen, texel, vec4<f32>(gathered.sky_seen, 0.0, 1.0));
+#endif
 }

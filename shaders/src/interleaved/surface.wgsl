@@ -33,6 +33,14 @@ fn unpack_surface(texel: vec2<u32>, pixel: vec2<u32>, size: vec2<u32>, view: Vie
     return surface;
 }
 
+/// From a point on the way to the eye.
+fn toward_eye(view: View, position: vec3<f32>) -> vec3<f32> {
+    if view.clip_from_view[3].w == 1.0 {
+        return view.world_from_view[2].xyz;
+    }
+    return normalize(view.world_position - position);
+}
+
 /// Edge of a texel at which light is shaded, pixels; it shows the first of them.
 #ifdef HALF_RESOLUTION
 const PIXELS_A_TEXEL: u32 = 2u;

@@ -24,5 +24,5 @@ fn add_sky(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     let place = places[entry];
     let normal = decode_unit_8(place.word);
     let on = select(vec3<f32>(0.0), normal, place_kind(place) == PLACE_SURFACE);
-    light[entry] += vec4<f32>(sky_light(place.position, normal, on, GAP, 0u, 1u), 0.0);
+    light[entry] += vec4<f32>(sky_light(place.position, normal, on, normal, GAP, 0u, 1u).diffuse, 0.0);
 }

@@ -6,7 +6,7 @@
 //
 // Cost: one thread a pixel, five loads.
 
-#import bevy_bounce::interleaved::surface::{Surface, unpack_surface}
+#import bevy_bounce::interleaved::surface::{Surface, unpack_surface, toward_eye}
 #import bevy_bounce::ssbc::common::{view, parameters, surface_texture}
 #import bevy_bounce::ssbc::hierarchy::HALF_MAX
 #import bevy_pbr::pbr_deferred_types::unpack_unorm4x8_
@@ -26,10 +26,7 @@ const GRAZING: f32 = 0.173648178;
 // Area over that of the pixel seen head-on, decayed.
 fn area_ratio(surface: Surface) -> f32 {
     let forward = -view.world_from_view[2].xyz;
-    var direction = forward;
-    if view.clip_from_view[3].w != 1.0 {
-        direction = normalize(surface.position - view.world_position);
-    }
+    let direction = -toward_eye(view, surface.position);
     let cosine = max(-dot(surface.normal, direction), 0.0);
     let decay = min(cosine / GRAZING, 1.0);
     return dot(forward, direction) * decay * decay / max(cosine, 1e-6);

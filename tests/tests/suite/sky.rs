@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use bevy::ecs::system::RunSystemOnce;
 use bevy::light::Skybox;
 use bevy::prelude::*;
-use bevy_bounce::{GiLight, GiSettings, GlobalIllumination, Quality, Technique};
+use bevy_bounce::{GiIsolate, GiLight, GiSettings, GlobalIllumination, Quality, Resolution, Technique};
 use bevy_bounce_examples::scenes::{Builder, Walls};
 use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, Light, SKY_EDGE, Scene, Sky};
 use bevy_bounce_tests::compose::compose;
@@ -178,12 +178,7 @@ fn an_open_floor_has_all_of_the_sky() {
 
 #[test]
 fn a_wall_takes_its_part_of_the_sky() {
-    // Black, 8 m wide and 2 m high, 1 m beside the middle of the floor.
-    let mut stage = stage(SKY, |build| {
-        let black = build.paint([0.0; 3]);
-        build.panel(Vec3::new(-1.0, 0.0, -4.0), Vec3::Z * 8.0, Vec3::Y * 2.0, &black);
-        build.panel(Vec3::new(-1.0, 0.0, 4.0), Vec3::NEG_Z * 8.0, Vec3::Y * 2.0, &black);
-    });
+    let mut stage = stage(SKY, black_wall);
     let picture = stage.settled_picture();
     let (half_width, height, distance) = (4.0_f32, 2.0_f32, 1.0_f32);
     let top = height.hypot(distance);
@@ -193,6 +188,22 @@ fn a_wall_takes_its_part_of_the_sky() {
     let found = at(&picture, 24, 16);
     assert!((found / expected - 1.0).abs() < 0.04, "{found} cd/m^2, expected {expected}");
     assert!(form_factor > 0.15, "the wall takes too little to tell");
+}
+
+/// Around the floor, with a shell outside: what looks inwards lets the sky in.
+fn closed_room(build: &mut Builder) {
+    let white = build.paint([ALBEDO; 3]);
+    let paints = Walls {
+        floor: white.clone(),
+        ceiling: white.clone(),
+        back: white.clone(),
+        front: white.clone(),
+        left: white.clone(),
+        right: white,
+    };
+    build.room(Vec3::new(-4.0, 0.0, -4.0), Vec3::new(4.0, 4.0, 4.0), &paints);
+    let shell = build.paint([ALBEDO; 3]);
+    build.block(Vec3::new(0.0, -0.1, 0.0), Vec3::new(8.2, 4.2, 8.2), 0.0, &shell);
 }
 
 #[test]
@@ -208,20 +219,7 @@ fn no_sky_in_a_closed_room_and_its_bounces_in_an_open_one() {
             build.panel(corner, u, v, &white);
         }
     };
-    let mut closed = stage(SKY, |build| {
-        let white = build.paint([ALBEDO; 3]);
-        let paints = Walls {
-            floor: white.clone(),
-            ceiling: white.clone(),
-            back: white.clone(),
-            front: white.clone(),
-            left: white.clone(),
-            right: white,
-        };
-        build.room(Vec3::new(-4.0, 0.0, -4.0), Vec3::new(4.0, 4.0, 4.0), &paints);
-        let shell = build.paint([ALBEDO; 3]);
-        build.block(Vec3::new(0.0, -0.1, 0.0), Vec3::new(8.2, 4.2, 8.2), 0.0, &shell);
-    });
+    let mut closed = stage(SKY, closed_room);
     let inside = closed.settled_picture().mean_luminance() / f64::from(ALBEDO * RADIANCE);
     assert!(inside < 0.005, "{inside} of the sky's light is in a closed room");
 
@@ -246,4 +244,76 @@ fn caches_see_the_sky_too() {
     });
     let by_caches = stage.settled_picture().mean_luminance();
     assert!((by_caches / by_lights - 1.0).abs() < 0.06, "{by_caches} cd/m^2, by rays {by_lights}");
+}
+
+/// The floor as dull metal, and only what it mirrors of the sky.
+fn mirrored(perceptual_roughness: f32, settings: GiSettings, more: fn(&mut Builder)) -> Stage {
+    let mut stage = stage(settings, more);
+    let camera = stage.only::<Camera3d>();
+    stage.world().entity_mut(camera).insert(GiIsolate::Direct);
+    for (_, material) in stage.world().resource_mut::<Assets<StandardMaterial>>().iter_mut() {
+        if material.base_color.to_linear().red > 0.0 {
+            *material = StandardMaterial { metallic: 1.0, perceptual_roughness, ..material.clone() };
+        }
+    }
+    stage
+}
+
+/// 8 m wide and 2 m high, 1 m beside the middle of the floor; its back, too.
+fn black_wall(build: &mut Builder) {
+    let black = build.paint([0.0; 3]);
+    build.panel(Vec3::new(-1.0, 0.0, -4.0), Vec3::Z * 8.0, Vec3::Y * 2.0, &black);
+    build.panel(Vec3::new(-1.0, 0.0, 4.0), Vec3::NEG_Z * 8.0, Vec3::Y * 2.0, &black);
+}
+
+/// Share of a lobe cos^power about a floor's normal that goes past the black wall, from the middle of the floor.
+fn past_the_wall(power: i32) -> f64 {
+    let (mut past, mut all) = (0.0, 0.0);
+    let steps = 400;
+    for i in 0..steps {
+        for k in 0..4 * steps {
+            let (polar, turn) = ((f64::from(i) + 0.5) / f64::from(steps), f64::from(k) / f64::from(2 * steps));
+            let (sin, cos) = (polar * f64::from(PI) / 2.0).sin_cos();
+            let way = [sin * (turn * f64::from(PI)).cos(), cos, sin * (turn * f64::from(PI)).sin()];
+            // Where it comes through the wall's plane, 1 m towards -x.
+            let (up, aside) = (-way[1] / way[0], -way[2] / way[0]);
+            let weight = cos.powi(power) * sin;
+            all += weight;
+            past += if way[0] < 0.0 && up < 2.0 && aside.abs() < 4.0 { 0.0 } else { weight };
+        }
+    }
+    past / all
+}
+
+#[test]
+fn what_is_mirrored_of_the_sky_is_shadowed() {
+    let by_bevy = mirrored(0.7, GiSettings { sky: 0, ..SKY }, |_| {}).settled_picture();
+    let open = mirrored(0.7, SKY, |_| {}).settled_picture();
+    assert!(by_bevy.mean_luminance() > 0.2 * f64::from(RADIANCE), "{by_bevy:?} mirrors nothing");
+    // At the picture's ends not all of the sky's directions are near.
+    let (ends, width, height) = (4, open.width, open.height);
+    for (x, y) in (ends..height - ends).flat_map(|y| (ends..width - ends).map(move |x| (x, y))) {
+        let ratio = at(&open, x, y) / at(&by_bevy, x, y);
+        assert!((ratio - 1.0).abs() < 0.01, "{ratio} of what an open floor mirrors by Bevy, at {x}, {y}");
+    }
+    let mean = open.mean_luminance() / by_bevy.mean_luminance();
+    assert!((mean - 1.0).abs() < 0.005, "{mean} of what an open floor mirrors by Bevy");
+    for (roughness, power) in [(1.0, 1), (0.7, 6), (0.3, 6)] {
+        let open = mirrored(roughness, SKY, |_| {}).settled_picture();
+        let beside = mirrored(roughness, SKY, black_wall).settled_picture();
+        let (found, expected) = (at(&beside, 24, 16) / at(&open, 24, 16), past_the_wall(power));
+        println!("roughness {roughness}: {found:.4} of the lobe goes past the wall, {expected:.4} by quadrature");
+        assert!((f64::from(found) / expected - 1.0).abs() < 0.04, "{found}, expected {expected}");
+        assert!(expected < 0.97, "the wall takes too little to tell");
+    }
+    let half = GiSettings { resolution: Resolution::Half, ..SKY };
+    let mut closed = mirrored(0.7, half, closed_room);
+    let inside = closed.settled_picture().mean_luminance() / open.mean_luminance();
+    assert!(inside < 0.005, "{inside} of the sky is mirrored in a closed room");
+    // Gone and back with the sky.
+    closed.light_by(illumination(GiSettings { sky: 0, ..half }));
+    let unshadowed = closed.settled_picture().mean_luminance() / open.mean_luminance();
+    assert!(unshadowed > 0.5, "{unshadowed}: Bevy's light by environment maps is lost without a sky of ours");
+    closed.light_by(illumination(half));
+    assert!(closed.settled_picture().mean_luminance() / open.mean_luminance() < 0.005);
 }

@@ -6,7 +6,8 @@
 //! 2. `direct` lights with Bevy's own functions, and keeps the diffuse part aside.
 //! 3. Bounced light is shaded, compensated and averaged over frames.
 //! 4. `compose` adds up: direct + indirect * diffuse colour * occlusion + emission, then fog, before screen-space
-//!    reflections and everything drawn forward.
+//!    reflections and everything drawn forward. Where the sky bounces by virtual lights, what surfaces mirror of an environment map
+//!    is added in proportion to what of the sky they see.
 //!
 //! Ambient light and irradiance volumes are left out, for they stand for the bounced light that is computed here;
 //! lightmaps, which Bevy's G-buffer carries as emission, stay. Emission shows as in Bevy's deferred path, without exposure.
@@ -27,6 +28,7 @@ use bevy::render::render_resource::SpecializedRenderPipelines;
 use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 
 pub(crate) use extract::{extract_views, hand_back_resets};
+pub(crate) use pipelines::SkyViews;
 
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;

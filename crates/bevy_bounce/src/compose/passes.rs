@@ -34,9 +34,9 @@ fn element(buffer: &Buffer, offset: u32, size: NonZeroU64) -> BindingResource<'_
     BindingResource::Buffer(BufferBinding { buffer, offset: offset.into(), size: Some(size) })
 }
 
-/// An attachment that is cleared to zero.
-fn cleared(view: &TextureView) -> Option<RenderPassColorAttachment<'_>> {
-    let ops = Operations { load: LoadOp::Clear(LinearRgba::NONE.into()), store: StoreOp::Store };
+/// An attachment that is cleared to that value.
+fn cleared(view: &TextureView, value: LinearRgba) -> Option<RenderPassColorAttachment<'_>> {
+    let ops = Operations { load: LoadOp::Clear(value.into()), store: StoreOp::Store };
     Some(RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops })
 }
 
@@ -54,7 +54,7 @@ fn draw<'a>(
     pass.draw(0..3, 0..1);
 }
 
-/// Packs the G-buffer into `surface`, and clears `indirect` and `glossy`.
+/// Packs the G-buffer into `surface`, and clears what light is added to; what of the sky is seen, to all of it.
 pub(super) fn surface_pass(
     view: ViewQuery<
         (&ViewTextures, &ViewPrepassTextures, &ViewUniformOffset, &PassIdIndex),
@@ -90,10 +90,12 @@ pub(super) fn surface_pass(
     let span = diagnostics.time_span(ctx.command_encoder(), "bounce/gbuffer");
     let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE)).extend(1);
     pipelines.surface.dispatch(ctx.command_encoder(), &cache, &[&bind_group], tiles);
-    for light in std::iter::once(&textures.indirect).chain(&textures.glossy) {
+    let dark = std::iter::once(&textures.indirect).chain(&textures.glossy).map(|texture| (texture, LinearRgba::NONE));
+    let open = textures.sky_seen.iter().map(|texture| (texture, LinearRgba::WHITE));
+    for (texture, value) in dark.chain(open) {
         ctx.begin_tracked_render_pass(RenderPassDescriptor {
-            label: Some("bounce_clear_indirect"),
-            color_attachments: &[cleared(light)],
+            label: Some("bounce_clear"),
+            color_attachments: &[cleared(texture, value)],
             ..default()
         });
     }
@@ -117,10 +119,12 @@ pub(super) fn direct_pass(
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), "bounce/direct");
+    let targets = [Some(&textures.direct), Some(&textures.direct_diffuse), textures.mirrored_sky.as_ref()];
+    let attachments: Vec<_> = targets.into_iter().flatten().map(|target| cleared(target, LinearRgba::NONE)).collect();
     {
         let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
             label: Some("bounce_direct"),
-            color_attachments: &[cleared(&textures.direct), cleared(&textures.direct_diffuse)],
+            color_attachments: &attachments,
             ..default()
         });
         draw(&mut pass, pipeline, view_bindings, &group);

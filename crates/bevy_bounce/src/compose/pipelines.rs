@@ -3,6 +3,7 @@
 use bevy::core_pipeline::FullscreenShader;
 use bevy::core_pipeline::deferred::DEFERRED_LIGHTING_PASS_ID_DEPTH_FORMAT;
 use bevy::core_pipeline::prepass::{DeferredPrepass, DepthPrepass};
+use bevy::ecs::system::SystemParam;
 use bevy::pbr::deferred::{DeferredLightingPipeline, PbrDeferredLightingDepthId, SkipDeferredLighting};
 use bevy::pbr::{MeshPipeline, MeshPipelineKey, MeshPipelineViewLayout, MeshPipelineViewLayoutKey, ViewKeyCache};
 use bevy::prelude::*;
@@ -40,25 +41,48 @@ pub(super) struct ComposePipelines {
     compose_shader: Handle<Shader>,
 }
 
-/// What of Bevy's light by environment maps bounced light replaces.
+/// What becomes of Bevy's light by environment maps.
 #[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
-pub(super) enum Sky {
-    /// Nothing: it has none.
-    Bevys,
-    /// The diffuse part.
-    Diffuse,
-    /// All.
-    All,
+pub(super) enum EnvironmentMaps {
+    /// It stays.
+    Kept,
+    /// The diffuse part goes, for the sky bounces; what is mirrored stays, and is shadowed.
+    Shadowed,
+    /// It goes: caches have both.
+    Replaced,
 }
 
-impl Sky {
-    /// What a view's technique replaces where there is a sky.
-    fn of(technique: Technique) -> Self {
+impl EnvironmentMaps {
+    /// Of a technique where the sky bounces.
+    fn under(technique: Technique) -> Self {
         match technique {
-            Technique::InstantRadiosity => Self::Diffuse,
-            Technique::RadianceCache => Self::All,
-            Technique::None | Technique::SurfaceRadiosity => Self::Bevys,
+            Technique::InstantRadiosity => Self::Shadowed,
+            Technique::RadianceCache => Self::Replaced,
+            Technique::None | Technique::SurfaceRadiosity => Self::Kept,
         }
+    }
+}
+
+/// Which views the sky bounces in.
+#[derive(SystemParam)]
+pub(crate) struct SkyViews<'w> {
+    scene: Option<Res<'w, SceneBuffers>>,
+    keys: Res<'w, ViewKeyCache>,
+}
+
+impl SkyViews<'_> {
+    fn has_map(&self, view: &ExtractedView) -> bool {
+        self.keys.get(&view.retained_view_entity).is_some_and(|key| key.contains(MeshPipelineKey::ENVIRONMENT_MAP))
+    }
+
+    fn environment_maps(&self, gi: &GiView, view: &ExtractedView) -> EnvironmentMaps {
+        let bounces = gi.settings.sky > 0 && self.scene.as_ref().is_some_and(|scene| scene.sky_count() > 0);
+        if bounces && self.has_map(view) { EnvironmentMaps::under(gi.technique) } else { EnvironmentMaps::Kept }
+    }
+
+    /// Whether what a view's surfaces mirror of the sky is shadowed.
+    pub fn are_shadowed(&self, gi: &GiView, view: &ExtractedView) -> bool {
+        self.environment_maps(gi, view) == EnvironmentMaps::Shadowed
     }
 }
 
@@ -67,8 +91,10 @@ impl Sky {
 pub(super) enum Pass {
     /// Direct light.
     Direct {
-        /// What of Bevy's light by environment maps bounced light replaces.
-        sky: Sky,
+        /// What becomes of Bevy's light by environment maps.
+        environment_maps: EnvironmentMaps,
+        /// Glossy bounced light is added to it.
+        glossy: bool,
     },
     /// Into the picture, with bounced light or without.
     Compose {
@@ -76,11 +102,15 @@ pub(super) enum Pass {
         indirect: bool,
         /// Glossy bounced light, too.
         glossy: bool,
+        /// With a shadowed sky.
+        sky: bool,
     },
     /// Something alone over the finished picture.
     Isolate {
         /// With glossy bounced light.
         glossy: bool,
+        /// With a shadowed sky.
+        sky: bool,
         /// Entry point of `compose/compose.wgsl`.
         entry: &'static str,
     },
@@ -95,6 +125,12 @@ pub(super) struct ViewPipelines {
     pub compose: CachedRenderPipelineId,
     /// Something alone over the finished picture, where that is asked for.
     pub isolate: Option<CachedRenderPipelineId>,
+}
+
+impl ViewPipelines {
+    fn ids(&self) -> impl Iterator<Item = CachedRenderPipelineId> + use<> {
+        [Some(self.direct), Some(self.compose), self.isolate].into_iter().flatten()
+    }
 }
 
 pub(super) fn init_compose_pipelines(
@@ -195,13 +231,21 @@ impl SpecializedRenderPipeline for ComposePipelines {
         if let Pass::Compose { indirect: true, .. } = pass {
             shader_defs.push("COMPOSE_INDIRECT".into());
         }
-        if let Pass::Compose { glossy: true, .. } | Pass::Isolate { glossy: true, .. } = pass {
+        if let Pass::Direct { glossy: true, .. }
+        | Pass::Compose { glossy: true, .. }
+        | Pass::Isolate { glossy: true, .. } = pass
+        {
             shader_defs.push("COMPOSE_GLOSSY".into());
         }
-        match pass {
-            Pass::Direct { sky: Sky::Diffuse } => shader_defs.push("SKY".into()),
-            Pass::Direct { sky: Sky::All } => shader_defs.retain(|def| *def != ShaderDefVal::from("ENVIRONMENT_MAP")),
-            _ => {}
+        if let Pass::Compose { sky: true, .. } | Pass::Isolate { sky: true, .. } = pass {
+            shader_defs.push("COMPOSE_SKY".into());
+        }
+        let shadowed = matches!(pass, Pass::Direct { environment_maps: EnvironmentMaps::Shadowed, .. });
+        if shadowed {
+            shader_defs.push("SKY".into());
+        }
+        if let Pass::Direct { environment_maps: EnvironmentMaps::Replaced, .. } = pass {
+            shader_defs.retain(|def| *def != ShaderDefVal::from("ENVIRONMENT_MAP"));
         }
         let (label, shader, entry_point, group_layout) = match pass {
             Pass::Direct { .. } => ("bounce_direct", &self.direct_shader, "fragment", &self.direct_layout),
@@ -212,7 +256,7 @@ impl SpecializedRenderPipeline for ComposePipelines {
         let (vertex, targets, depth_stencil) = match pass {
             Pass::Direct { .. } => {
                 let half = TextureFormat::Rgba16Float;
-                (self.fullscreen.to_vertex_state(), vec![target(half), target(half)], None)
+                (self.fullscreen.to_vertex_state(), vec![target(half); if shadowed { 3 } else { 2 }], None)
             }
             Pass::Compose { .. } => {
                 let vertex = VertexState {
@@ -268,38 +312,43 @@ fn lighting_pass_id_test() -> DepthStencilState {
 pub(super) fn prepare_compose_pipelines(
     mut commands: Commands,
     cache: Res<PipelineCache>,
-    keys: Res<ViewKeyCache>,
     pipelines: Res<ComposePipelines>,
     mut specialized: ResMut<SpecializedRenderPipelines<ComposePipelines>>,
-    scene: Option<Res<SceneBuffers>>,
+    skies: SkyViews,
     views: Query<
         (Entity, &GiView, &ExtractedView, Has<DeferredLightingPipeline>),
         (With<DepthPrepass>, With<DeferredPrepass>),
     >,
 ) {
     for (entity, gi, view, lit_by_bevy) in &views {
-        let Some(&key) = keys.get(&view.retained_view_entity) else { continue };
+        let Some(&key) = skies.keys.get(&view.retained_view_entity) else { continue };
         if key.contains(MeshPipelineKey::TONEMAP_IN_SHADER) {
             commands.entity(entity).remove::<(ViewPipelines, SkipDeferredLighting)>();
             continue;
         }
         let glossy = gi.settings.has_glossy_light();
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, (key, pass));
-        // Both, so that a sky may come and go from one frame to the next.
-        let without = pipeline(Pass::Direct { sky: Sky::Bevys });
-        let has_map = key.contains(MeshPipelineKey::ENVIRONMENT_MAP);
-        let with_sky = if has_map { pipeline(Pass::Direct { sky: Sky::of(gi.technique) }) } else { without };
-        let sky = gi.settings.sky > 0 && scene.as_ref().is_some_and(|scene| scene.sky_count() > 0);
-        let view_pipelines = ViewPipelines {
-            direct: if sky { with_sky } else { without },
-            compose: pipeline(Pass::Compose { indirect: gi.isolate != GiIsolate::Direct, glossy }),
-            isolate: gi.isolate.is_alone().then(|| pipeline(Pass::Isolate { glossy, entry: entry(gi.isolate) })),
+        let mut all = |environment_maps| {
+            let (indirect, sky) = (gi.isolate != GiIsolate::Direct, environment_maps == EnvironmentMaps::Shadowed);
+            let isolate = Pass::Isolate { glossy, sky, entry: entry(gi.isolate) };
+            ViewPipelines {
+                direct: pipeline(Pass::Direct { environment_maps, glossy }),
+                compose: pipeline(Pass::Compose { indirect, glossy, sky }),
+                isolate: gi.isolate.is_alone().then(|| pipeline(isolate)),
+            }
         };
-        let ids = [Some(view_pipelines.direct), Some(view_pipelines.compose), view_pipelines.isolate];
-        let state = |id: &CachedRenderPipelineId| cache.get_render_pipeline_state(*id);
-        let ready = pipelines.surface.is_ready(&cache)
-            && ids.iter().flatten().all(|id| matches!(state(id), CachedPipelineState::Ok(_)));
-        let failed = pipelines.surface.has_failed(&cache) || ids.iter().flatten().any(|id| has_failed(state(id)));
+        let view_pipelines = all(skies.environment_maps(gi, view));
+        // So that a sky may come and go from one frame to the next.
+        let with_or_without = if skies.has_map(view) {
+            vec![all(EnvironmentMaps::Kept), all(EnvironmentMaps::under(gi.technique))]
+        } else {
+            vec![all(EnvironmentMaps::Kept)]
+        };
+        let ids = || with_or_without.iter().flat_map(ViewPipelines::ids);
+        let state = |id| cache.get_render_pipeline_state(id);
+        let ready =
+            pipelines.surface.is_ready(&cache) && ids().all(|id| matches!(state(id), CachedPipelineState::Ok(_)));
+        let failed = pipelines.surface.has_failed(&cache) || ids().any(|id| has_failed(state(id)));
         let mut view = commands.entity(entity);
         if ready {
             view.insert((view_pipelines, SkipDeferredLighting));

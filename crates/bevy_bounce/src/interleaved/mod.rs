@@ -6,7 +6,8 @@
 //! out. At half resolution the first works on every second pixel of every second row, and the last lights pixels anew whose
 //! surface has hardly any of them near.
 //!
-//! Where there is a sky, each pixel also sends rays in a sixteenth of its directions: see `interleaved/sky.wgsl`.
+//! Where there is a sky, each pixel also sends rays in a sixteenth of its directions: see `interleaved/sky.wgsl`. What share of its light
+//! they find is joined in the same way into `sky_seen`, for what surfaces mirror of an environment map.
 //!
 //! The geometry term is bounded by the number of lights around a pixel over the area of the surfaces there: no light counts for more
 //! than at the distance between lights. What this takes from corners is left to bias compensation.

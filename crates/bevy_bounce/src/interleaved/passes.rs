@@ -55,7 +55,9 @@ pub(super) fn shade(
         offset: offset.offset.into(),
         size: Some(ViewUniform::min_size()),
     });
-    let key = PassesKey { visibility, resolution: gi.settings.resolution, sky: sky.is_some() };
+    let sky_seen = textures.sky_seen.as_ref().filter(|_| sky.is_some());
+    let key =
+        PassesKey { visibility, resolution: gi.settings.resolution, sky: sky.is_some(), sky_seen: sky_seen.is_some() };
     let passes = p.passes(key, &cache, &shaders);
     let device = ctx.render_device().clone();
     let bindings = |output| {
@@ -71,9 +73,14 @@ pub(super) fn shade(
     };
     let from_to = |from, to| bindings(to).into_iter().chain([texture(from)]).collect::<Vec<_>>();
     let (last, between) = (&textures.indirect, &textures.interleaved);
-    let shade_group = passes.shade.bind(&device, &cache, &bindings(last));
+    let shaded = bindings(last).into_iter().chain(sky_seen.map(texture)).collect::<Vec<_>>();
+    let shade_group = passes.shade.bind(&device, &cache, &shaded);
     let rows_group = passes.rows.bind(&device, &cache, &from_to(last, between));
     let columns_group = passes.columns.bind(&device, &cache, &from_to(between, last));
+    let sky_groups = passes.sky_columns.as_ref().zip(sky_seen).map(|(columns, seen)| {
+        let rows_group = passes.rows.bind(&device, &cache, &from_to(seen, between));
+        (rows_group, columns, columns.bind(&device, &cache, &from_to(between, seen)))
+    });
 
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
@@ -87,6 +94,10 @@ pub(super) fn shade(
     let rows = groups.with_y(textures.size.y.div_ceil(GROUP * pixels_a_texel));
     passes.rows.dispatch(encoder, &cache, &with(&rows_group), rows);
     passes.columns.dispatch(encoder, &cache, &with(&columns_group), groups);
+    if let Some((rows_group, columns, columns_group)) = &sky_groups {
+        passes.rows.dispatch(encoder, &cache, &with(rows_group), rows);
+        columns.dispatch(encoder, &cache, &with(columns_group), groups);
+    }
     span.end(encoder);
 }
 

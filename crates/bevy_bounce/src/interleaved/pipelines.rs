@@ -19,6 +19,8 @@ pub(super) struct PassesKey {
     pub resolution: Resolution,
     /// Light straight from the sky, too.
     pub sky: bool,
+    /// And how much of it is seen.
+    pub sky_seen: bool,
 }
 
 impl PassesKey {
@@ -43,6 +45,8 @@ pub(super) struct Passes {
     pub shade: Kernel,
     pub rows: Kernel,
     pub columns: Kernel,
+    /// `columns` for what of the sky is seen.
+    pub sky_columns: Option<Kernel>,
 }
 
 impl InterleavedPipelines {
@@ -59,18 +63,21 @@ impl Passes {
         let surface = texture_2d(TextureSampleType::Uint);
         let light = texture_2d(TextureSampleType::Float { filterable: false });
         let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
-        // View; surface; header, list; result; grid, densities; light so far.
-        let shade = [uniform, surface, read, read, output, uniform, read];
-        let filter = [uniform, surface, read, read, output, uniform, read, light];
+        // View; surface; header, list; result; grid, densities; what of the sky is seen, or light so far.
+        let shade = [uniform, surface, read, read, output, uniform, read, output];
+        let shade = &shade[..if key.sky_seen { 8 } else { 7 }];
+        let filter = &[uniform, surface, read, read, output, uniform, read, light];
         let groups = visibility_layouts(key.visibility, key.sky);
-        let kernel = |path, entry, bindings: &[_]| {
-            let descriptor = KernelDescriptor { path, entry, bindings, groups: &groups, defs: key.defs() };
-            Kernel::new(cache, shaders, descriptor)
+        let kernel = |path, entry, bindings: &[_], sky_seen: bool| {
+            let defs = key.defs().into_iter().chain(sky_seen.then(|| "SKY_SEEN".into())).collect();
+            Kernel::new(cache, shaders, KernelDescriptor { path, entry, bindings, groups: &groups, defs })
         };
+        let columns = |sky_seen| kernel("interleaved/filter.wgsl", "filter_columns", filter, sky_seen);
         Self {
-            shade: kernel("interleaved/shade.wgsl", "shade", &shade),
-            rows: kernel("interleaved/filter.wgsl", "filter_rows", &filter),
-            columns: kernel("interleaved/filter.wgsl", "filter_columns", &filter),
+            shade: kernel("interleaved/shade.wgsl", "shade", shade, key.sky_seen),
+            rows: kernel("interleaved/filter.wgsl", "filter_rows", filter, false),
+            columns: columns(false),
+            sky_columns: key.sky_seen.then(|| columns(true)),
         }
     }
 }
