@@ -4,8 +4,9 @@
 // cssm/gather.wgsl.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::cssm::gather::{gather, leaf_texel, hash, Receiver}
+#import bevy_bounce::cssm::gather::{gather, leaf_texel, Receiver}
 #import bevy_bounce::cssm::texels::{bakes, load_texel, object_of, to_world, turn_to_world}
+#import bevy_bounce::shared::sampling::hash
 
 // Of each texel: irradiance over pi, cd/m^2; nodes of its cuts.
 @group(0) @binding(5) var<storage, read_write> gathered: array<vec4<f32>>;

@@ -8,8 +8,9 @@
 // Cost: one thread a pixel; see cssm/gather.wgsl and cssm/locate.wgsl.
 
 #import bevy_render::view::View
-#import bevy_bounce::cssm::gather::{gather, hash, Gathered, Receiver}
+#import bevy_bounce::cssm::gather::{gather, Gathered, Receiver}
 #import bevy_bounce::interleaved::surface::unpack_surface
+#import bevy_bounce::shared::sampling::hash
 #ifdef SEVERAL
 #import bevy_bounce::cssm::locate::locate
 #import bevy_bounce::cssm::texels::load_texel
