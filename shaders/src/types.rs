@@ -581,10 +581,10 @@ pub struct CssmBake {
     pub blocks: u32,
     /// Where in the blocks those of its maps from outside begin.
     pub csm_blocks: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_a: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_b: u32,
+    /// Columns of its atlas, texels.
+    pub atlas_width: u32,
+    /// Rows of it.
+    pub atlas_height: u32,
 }
 
 /// All baked objects.

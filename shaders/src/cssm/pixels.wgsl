@@ -5,12 +5,17 @@
 //
 // Glossy light is radiance convolved with the pixel's lobe; what of it the surface reflects is for the picture to say.
 //
+// With `CUT` the picture is of how many nodes each pixel gathers from, instead of light.
+//
 // Cost: one thread a pixel; see cssm/gather.wgsl and cssm/locate.wgsl.
 
 #import bevy_render::view::View
 #import bevy_bounce::cssm::gather::{gather, Gathered, Receiver}
 #import bevy_bounce::interleaved::surface::unpack_surface
 #import bevy_bounce::shared::sampling::hash
+#ifdef CUT
+#import bevy_bounce::debug::heat::heat
+#endif
 #ifdef SEVERAL
 #import bevy_bounce::cssm::locate::locate
 #import bevy_bounce::cssm::texels::load_texel
@@ -69,9 +74,13 @@ fn pixels(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
         gathered = gather(receiver, hash(id.x + id.y * size.x));
     }
+#ifdef CUT
+    textureStore(output, id.xy, vec4<f32>(heat(gathered.cut), 1.0));
+#else
     let light = gathered.light * view.exposure;
     textureStore(output, id.xy, vec4<f32>(min(light, vec3<f32>(6e4)), 1.0));
 #ifdef GLOSSY
     textureStore(glossy, id.xy, vec4<f32>(min(gathered.glossy * view.exposure, vec3<f32>(6e4)), 1.0));
+#endif
 #endif
 }

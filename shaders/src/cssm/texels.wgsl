@@ -53,6 +53,12 @@ fn load_texel(object: u32, index: u32) -> Texel {
     return texel;
 }
 
+/// Column and row of a texel in its object's atlas.
+fn load_cell(object: u32, index: u32) -> vec2<u32> {
+    let word = texels[(bakes.objects[object].first_texel + index) * TEXEL_WORDS + 8u];
+    return vec2<u32>(word & 0xffffu, word >> 16u);
+}
+
 /// The object that has that place in the arrays of light.
 fn object_of(light: u32) -> u32 {
     var object = 0u;

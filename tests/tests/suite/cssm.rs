@@ -5,4 +5,6 @@ mod glossy;
 mod light;
 mod moving;
 mod query;
+mod references;
 mod stage;
+mod views;

@@ -87,7 +87,9 @@ use crate::plugins::{GiSystems, configure_stages};
 use crate::recovery::{forget_components, forget_resource};
 
 pub use bevy_bounce_shaders::types::CSSM_OBJECTS as MOST_OBJECTS;
-pub(crate) use prepare::Baked;
+pub(crate) use passes::Pixels;
+pub(crate) use pipelines::pixel_kernel;
+pub(crate) use prepare::{Baked, CssmViewUniform};
 pub use settings::{CssmFilter, CssmSettings};
 pub use surfaces::surfaces;
 

@@ -183,6 +183,11 @@ impl Baked {
         (baked, too_large)
     }
 
+    /// Whether the texels' light is that of this frame.
+    pub fn is_lit(&self) -> bool {
+        self.wanted.is_some() && self.wanted == self.solved
+    }
+
     /// Objects.
     pub fn count(&self) -> u32 {
         self.bakes.get().count
@@ -260,7 +265,7 @@ pub(super) fn prepare_light(
 
 /// How the pixels of a view gather, on the GPU.
 #[derive(Component)]
-pub(super) struct CssmViewUniform(pub UniformBuffer<CssmGather>);
+pub(crate) struct CssmViewUniform(pub UniformBuffer<CssmGather>);
 
 pub(super) fn prepare_views(
     mut commands: Commands,

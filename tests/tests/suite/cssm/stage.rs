@@ -103,7 +103,7 @@ fn frames_are_the_same_to_the_byte_and_follow_every_change() {
 }
 
 /// A closed box of a size and albedo, seen from within.
-fn box_bake(albedo: f32, atlas: u32) -> CssmFile {
+pub(super) fn box_bake(albedo: f32, atlas: u32) -> CssmFile {
     let corners = cuboid(Vec3::splat(-1.5), Vec3::splat(1.5)).map(|[a, b, c]| [a, c, b]);
     let indices = (0..12).map(|triangle| [3 * triangle, 3 * triangle + 1, 3 * triangle + 2]).collect();
     let positions = corners.as_flattened().iter().map(|p| p.to_array().into()).collect();
@@ -111,6 +111,11 @@ fn box_bake(albedo: f32, atlas: u32) -> CssmFile {
     scene.materials[0].factor = Vec3::splat(albedo).extend(1.0);
     let settings = bake::BakeSettings { atlas, depth: 32, ..Default::default() };
     bake::bake(&scene, &settings, &()).unwrap_or_else(|error| panic!("{error}")).0
+}
+
+/// The camera within such a box.
+pub(super) fn furnace_eye() -> Transform {
+    Transform::from_xyz(0.3, 0.2, 1.2).looking_at(Vec3::new(-0.2, -0.1, -1.5), Vec3::Y)
 }
 
 /// A box whose walls emit and reflect, with that place in the world.
@@ -144,8 +149,7 @@ pub(super) fn furnace(emitted: f32, albedo: f32, place: Transform, atlas: u32, b
                     CssmPart(0),
                     place,
                 ));
-                let eye = Transform::from_xyz(0.3, 0.2, 1.2).looking_at(Vec3::new(-0.2, -0.1, -1.5), Vec3::Y);
-                commands.spawn((Camera3d::default(), Exposure { ev100: 4.0 }, place * eye));
+                commands.spawn((Camera3d::default(), Exposure { ev100: 4.0 }, place * furnace_eye()));
             },
         );
     })
