@@ -20,7 +20,7 @@
 #define_import_path bevy_bounce::cssm::gather
 
 #import bevy_bounce::cssm::query::visibility
-#import bevy_bounce::cssm::texels::{bakes, load_texel, scale_of, to_object, to_world, turn_to_object, Texel}
+#import bevy_bounce::cssm::texels::{bakes, half_side, load_texel, scale_of, to_object, to_world, turn_to_object, Texel}
 #import bevy_bounce::cssm::tree::{unpack_node, node_count, Node}
 #import bevy_bounce::cssm::types::CssmGather
 #import bevy_bounce::shared::sampling::{hash, unit_float, PI}
@@ -138,8 +138,7 @@ fn edge(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
 
 // Form factor of a square of that area and normal whose middle is `way` from the receiver. Lambert 1760.
 fn square_form_factor(way: vec3<f32>, normal: vec3<f32>, area: f32, receiver: vec3<f32>) -> f32 {
-    let helper = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 0.0, 1.0), abs(normal.z) < 0.9);
-    let across = normalize(cross(helper, normal)) * (0.5 * sqrt(area));
+    let across = half_side(normal, area);
     let up = cross(normal, across);
     let a = normalize(way - across - up);
     let b = normalize(way + across - up);

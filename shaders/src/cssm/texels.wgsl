@@ -53,6 +53,13 @@ fn load_texel(object: u32, index: u32) -> Texel {
     return texel;
 }
 
+/// From the middle of a square of that area and normal, which stands for a texel, to the middle of a side; `cross(normal, ...)` leads to
+/// the next side.
+fn half_side(normal: vec3<f32>, area: f32) -> vec3<f32> {
+    let helper = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 0.0, 1.0), abs(normal.z) < 0.9);
+    return normalize(cross(helper, normal)) * (0.5 * sqrt(area));
+}
+
 /// Column and row of a texel in its object's atlas.
 fn load_cell(object: u32, index: u32) -> vec2<u32> {
     let word = texels[(bakes.objects[object].first_texel + index) * TEXEL_WORDS + 8u];
