@@ -615,10 +615,10 @@ pub struct CssmGather {
     pub threshold: f32,
     /// 1 where visibility is filtered over four pixels.
     pub filtered: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_a: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_b: u32,
+    /// Frames over which a pixel that rests is averaged at most, below 256; up to 1 is none.
+    pub frames: u32,
+    /// 1 where the last frame shows something else.
+    pub restart: u32,
 }
 
 /// A level of the hierarchies.

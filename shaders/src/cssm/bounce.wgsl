@@ -28,6 +28,6 @@ fn bounce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     receiver.object = object;
     receiver.texel = texel;
 #endif
-    let result = gather(receiver, hash(first + index));
+    let result = gather(receiver, hash(first + index), 0u);
     gathered[first + index] = vec4<f32>(result.light, f32(result.cut));
 }

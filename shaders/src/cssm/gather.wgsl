@@ -41,6 +41,9 @@
 /// Square of the distance, in areas of a texel, within which the texel's shape counts.
 const NEAR: f32 = 16.0;
 
+/// The golden ratio's fraction, of 2^32: multiples of it are evenly spread.
+const GOLDEN_RATIO: u32 = 0x9e3779b9u;
+
 /// A place of the world that receives light.
 struct Receiver {
     position: vec3<f32>,
@@ -253,7 +256,7 @@ fn to_local(object: u32, receiver: Receiver) -> Local {
     return local;
 }
 
-fn gather_from(object: u32, receiver: Receiver, seed: u32) -> Gathered {
+fn gather_from(object: u32, receiver: Receiver, seed: u32, turn: u32) -> Gathered {
     let local = to_local(object, receiver);
     let first_node = bakes.objects[object].first_node;
     let first_power = 2u * bakes.objects[object].first_light;
@@ -273,7 +276,7 @@ fn gather_from(object: u32, receiver: Receiver, seed: u32) -> Gathered {
                 continue;
             }
             if bound > 0.0 {
-                let number = unit_float(hash(seed ^ hash(first_power + index)));
+                let number = unit_float(hash(seed ^ hash(first_power + index)) + turn * GOLDEN_RATIO);
                 let sender = choose_sender(first_power, index, rank, count, number);
                 let sent = powers[first_power + sender.node];
                 // Rounding may lead past the last that sends anything.
@@ -288,11 +291,12 @@ fn gather_from(object: u32, receiver: Receiver, seed: u32) -> Gathered {
     return result;
 }
 
-/// Light from all objects; `seed` is another one for each receiver.
-fn gather(receiver: Receiver, seed: u32) -> Gathered {
+/// Light from all objects; `seed` is another one for each receiver. From turn to turn other texels send in the name of a node, evenly
+/// spread over what all of them send.
+fn gather(receiver: Receiver, seed: u32, turn: u32) -> Gathered {
     var result = Gathered();
     for (var object = 0u; object < bakes.count; object++) {
-        let part = gather_from(object, receiver, seed);
+        let part = gather_from(object, receiver, seed, turn);
         result.light += part.light;
         result.cut += part.cut;
 #ifdef GLOSSY

@@ -46,8 +46,8 @@ struct CssmBakes {
 struct CssmGather {
     threshold: f32,
     filtered: u32,
-    padding_a: u32,
-    padding_b: u32,
+    frames: u32,
+    restart: u32,
 }
 
 struct CssmLevel {

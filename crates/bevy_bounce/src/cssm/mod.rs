@@ -68,6 +68,7 @@ mod hull;
 mod object;
 mod passes;
 mod pipelines;
+mod pixels;
 mod prepare;
 mod settings;
 mod surfaces;
@@ -85,11 +86,13 @@ use crate::compose::ViewPass;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 use crate::recovery::{forget_components, forget_resource};
+use crate::view::prepare_view_textures;
 
 pub use bevy_bounce_shaders::types::CSSM_OBJECTS as MOST_OBJECTS;
 pub(crate) use passes::Pixels;
 pub(crate) use pipelines::pixel_kernel;
-pub(crate) use prepare::{Baked, CssmViewUniform};
+pub(crate) use pixels::PixelLight;
+pub(crate) use prepare::Baked;
 pub use settings::{CssmFilter, CssmSettings};
 pub use surfaces::surfaces;
 
@@ -137,10 +140,17 @@ impl Plugin for CssmPlugin {
             .init_resource::<prepare::PreparedBakes>()
             .add_systems(
                 RenderStartup,
-                (pipelines::init_pipelines, forget_resource::<Baked>, forget_components::<prepare::CssmViewUniform>),
+                (pipelines::init_pipelines, forget_resource::<Baked>, forget_components::<PixelLight>),
             )
             .add_systems(ExtractSchedule, (object::extract_cameras, object::extract_objects).chain())
-            .add_systems(Render, (prepare::prepare_light, prepare::prepare_views).in_set(GiSystems::Prepare))
+            .add_systems(Render, prepare::prepare_light.in_set(GiSystems::Prepare))
+            .add_systems(
+                Render,
+                pixels::prepare_pixels
+                    .in_set(GiSystems::Prepare)
+                    .after(prepare::prepare_light)
+                    .after(prepare_view_textures),
+            )
             .add_systems(RenderGraph, passes::light_texels.in_set(GiSystems::Cssm))
             .add_systems(Core3d, passes::light_pixels.in_set(ViewPass::Shade));
     }

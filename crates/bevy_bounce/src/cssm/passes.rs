@@ -10,7 +10,8 @@ use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 
 use super::pipelines::{CssmPipelines, bind_maps};
-use super::prepare::{Baked, CssmViewUniform};
+use super::pixels::PixelLight;
+use super::prepare::Baked;
 use crate::Technique;
 use crate::compute::{Kernel, folded, whole};
 use crate::scene::SceneBuffers;
@@ -138,7 +139,7 @@ pub(super) fn light_texels(
 /// What kernels over the pixels of a view read and write.
 pub(crate) struct Pixels<'a> {
     pub baked: &'a Baked,
-    pub settings: &'a CssmViewUniform,
+    pub light: &'a PixelLight,
     /// The view's uniform.
     pub view: BindingResource<'a>,
     pub textures: &'a ViewTextures,
@@ -168,10 +169,11 @@ impl Pixels<'_> {
             baked.bakes.binding()?,
             whole(&baked.tree),
             whole(&baked.powers),
-            self.settings.0.binding()?,
+            self.light.settings.binding()?,
             self.view.clone(),
             BindingResource::TextureView(&self.textures.surface),
             BindingResource::TextureView(&self.textures.indirect),
+            whole(&self.light.kept),
         ];
         if glossy {
             bindings.push(BindingResource::TextureView(self.prepass.deferred_view()?));
@@ -183,20 +185,20 @@ impl Pixels<'_> {
 
 /// The final gather of a view into `indirect`, and into `glossy` where there is such light.
 pub(super) fn light_pixels(
-    view: ViewQuery<(&GiView, &CssmViewUniform, &ViewTextures, &ViewPrepassTextures, &ViewUniformOffset)>,
+    view: ViewQuery<(&GiView, &PixelLight, &ViewTextures, &ViewPrepassTextures, &ViewUniformOffset)>,
     baked: Option<Res<Baked>>,
     pipelines: Option<Res<CssmPipelines>>,
     view_uniforms: Res<ViewUniforms>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (gi, settings, textures, prepass, offset) = view.into_inner();
+    let (gi, light, textures, prepass, offset) = view.into_inner();
     let (Some(baked), Some(p), Some(buffer)) = (baked, pipelines, view_uniforms.uniforms.buffer()) else { return };
     if gi.technique != Technique::SurfaceRadiosity {
         return;
     }
     let view = BufferBinding { buffer, offset: offset.offset.into(), size: Some(ViewUniform::min_size()) };
-    let pixels = Pixels { baked: &baked, settings, view: BindingResource::Buffer(view), textures, prepass };
+    let pixels = Pixels { baked: &baked, light, view: BindingResource::Buffer(view), textures, prepass };
     let (kernels, glossy) = (p.gather(baked.count()), pixels.are_glossy());
     let kernel = if glossy { &kernels.glossy_pixels } else { &kernels.pixels };
     let Some([group, maps]) = pixels.groups(kernel, glossy, ctx.render_device(), &cache) else { return };

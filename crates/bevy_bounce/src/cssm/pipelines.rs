@@ -52,13 +52,14 @@ fn maps_layout() -> BindGroupLayoutDescriptor {
     group_layout("bounce_cssm_maps", &[read, read, read, read])
 }
 
-/// Group 0 of kernels over the pixels of a view: texels, bakes; tree, nodes' light, settings; view, surface; light. With glossy
-/// light also the G-buffer, and that light.
+/// Group 0 of kernels over the pixels of a view: texels, bakes; tree, nodes' light, settings; view, surface; light,
+/// what is kept of it. With glossy light also the G-buffer, and that light.
 fn pixel_bindings(glossy: bool) -> Vec<BindGroupLayoutEntryBuilder> {
     let (uniform, read) = (uniform_buffer_sized(false, None), storage_buffer_read_only_sized(false, None));
     let surface = texture_2d(TextureSampleType::Uint);
     let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
-    let mut bindings = vec![read, uniform, read, read, uniform, uniform, surface, output];
+    let kept = storage_buffer_sized(false, None);
+    let mut bindings = vec![read, uniform, read, read, uniform, uniform, surface, output, kept];
     bindings.extend(glossy.then_some([surface, output]).into_iter().flatten());
     bindings
 }

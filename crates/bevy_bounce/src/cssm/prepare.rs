@@ -263,28 +263,3 @@ pub(super) fn prepare_light(
     }
 }
 
-/// How the pixels of a view gather, on the GPU.
-#[derive(Component)]
-pub(crate) struct CssmViewUniform(pub UniformBuffer<CssmGather>);
-
-pub(super) fn prepare_views(
-    mut commands: Commands,
-    mut views: Query<(Entity, &super::object::CssmView, Option<&mut CssmViewUniform>)>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
-) {
-    for (entity, view, uniform) in &mut views {
-        match uniform {
-            Some(uniform) if *uniform.0.get() == view.0 => {}
-            Some(mut uniform) => {
-                uniform.0.set(view.0);
-                uniform.0.write_buffer(&device, &queue);
-            }
-            None => {
-                let mut uniform = UniformBuffer::from(view.0);
-                uniform.write_buffer(&device, &queue);
-                commands.entity(entity).insert(CssmViewUniform(uniform));
-            }
-        }
-    }
-}

@@ -17,7 +17,7 @@ use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 
 use crate::avg::{VoxelGrid, bind_grid, grid_layout};
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, folded, whole};
-use crate::cssm::{Baked, CssmViewUniform, Pixels, pixel_kernel};
+use crate::cssm::{Baked, PixelLight, Pixels, pixel_kernel};
 use crate::radiance_cache::{CacheBuffers, VoxelLight};
 use crate::shadow_atlas::ShadowAtlas;
 use crate::view::{GiView, ViewTextures};
@@ -147,7 +147,7 @@ impl Shown<'_> {
 }
 
 /// Bakes that a view is lit by.
-type BakedView = (&'static CssmViewUniform, &'static ViewPrepassTextures);
+type BakedView = (&'static PixelLight, &'static ViewPrepassTextures);
 
 /// Draws the picture that the view asks for over its bounced light.
 pub(super) fn draw_picture(
@@ -175,9 +175,9 @@ pub(super) fn draw_picture(
     let view = BufferBinding { buffer, offset: offset.offset.into(), size: Some(ViewUniform::min_size()) };
     let view = BindingResource::Buffer(view);
     let baked_view = baked_view.filter(|_| gi.technique == Technique::SurfaceRadiosity);
-    let pixels = baked_view.zip(held.baked.as_deref()).map(|((settings, prepass), baked)| Pixels {
+    let pixels = baked_view.zip(held.baked.as_deref()).map(|((light, prepass), baked)| Pixels {
         baked,
-        settings,
+        light,
         view: view.clone(),
         textures,
         prepass,

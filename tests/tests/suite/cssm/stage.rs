@@ -102,6 +102,42 @@ fn frames_are_the_same_to_the_byte_and_follow_every_change() {
     assert!(first == stage.settled_picture(), "emission left something behind");
 }
 
+/// While everything rests the mean of many frames is shown, which is closer to the light than each; then nothing changes any more.
+#[test]
+fn what_rests_is_averaged() {
+    let settings = |error, history| GiSettings {
+        cssm: CssmSettings { error, ..CssmSettings::DEFAULT },
+        history,
+        bounces: 1,
+        ..SMALL
+    };
+    let mut stage = cornell();
+    stage.light_by(radiosity(settings(0.5, 0)));
+    let exact = stage.settled_picture();
+    let coarse = settings(64.0, 8);
+    stage.light_by(radiosity(coarse));
+    stage.settled_picture();
+    let first = |stage: &mut Stage| {
+        stage.light_by(GlobalIllumination { reset: true, ..radiosity(coarse) });
+        stage.picture()
+    };
+    let one = first(&mut stage);
+    (0..240).for_each(|_| stage.frame(Duration::ZERO));
+    let mean = stage.picture();
+    let [noise, left] = [&one, &mean].map(|picture| Metrics::new(picture, &exact).expect("sizes are equal"));
+    println!("one frame {noise:?}, many {left:?}");
+    assert!(left.nrmse < 0.4 * noise.nrmse && (left.energy - 1.0).abs() < 0.01, "{left:?} is no better than {noise:?}");
+    assert!(mean == stage.picture(), "it does not come to rest");
+    assert!(first(&mut stage) == one, "a reset leaves something of the last frames");
+    // Light that changes is not averaged with what it was.
+    (0..8).for_each(|_| stage.frame(Duration::ZERO));
+    let lamp = lamp(&mut stage);
+    if let Some(mut light) = stage.world().get_mut::<SpotLight>(lamp) {
+        light.intensity = 0.0;
+    }
+    assert_eq!(stage.picture().mean_luminance(), 0.0, "light of the last frames is left");
+}
+
 /// A closed box of a size and albedo, seen from within.
 pub(super) fn box_bake(albedo: f32, atlas: u32) -> CssmFile {
     let corners = cuboid(Vec3::splat(-1.5), Vec3::splat(1.5)).map(|[a, b, c]| [a, c, b]);
