@@ -51,6 +51,27 @@ fn cornell_box_equals_its_reference() {
     }
 }
 
+/// `tests/data/cornell_box.N.indirect.exr` are path-traced with so many bounces.
+#[test]
+fn every_bounce_equals_its_reference() {
+    let bounds = Bounds { energy: Some((0.95, 1.05)), low: Some(0.12), flip: Some(0.08), nrmse: None };
+    let mut stage = cornell();
+    let references = [1, 2, 3].map(|bounces| {
+        let file = committed_file(&format!("cornell_box.{bounces}.indirect.exr"));
+        Picture::load(&file).unwrap_or_else(|error| panic!("{error}"))
+    });
+    for (bounces, reference) in (1..).zip(&references) {
+        let cssm = CssmSettings { error: 2.0, ..CssmSettings::DEFAULT };
+        stage.light_by(radiosity(GiSettings { bounces, cssm, ..SMALL }));
+        let picture = stage.settled_picture();
+        let metrics = compare(&picture, reference, &bounds).unwrap_or_else(|error| panic!("{bounces}: {error}"));
+        println!("{bounces}: {metrics:?}");
+        for other in references.iter().filter(|other| *other != reference) {
+            compare(&picture, other, &bounds).expect_err("the bounds are too wide to tell");
+        }
+    }
+}
+
 #[test]
 fn frames_are_the_same_to_the_byte_and_follow_every_change() {
     let mut stage = cornell();

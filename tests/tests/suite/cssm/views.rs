@@ -26,7 +26,7 @@ fn glowing_box(atlas: u32) -> (Stage, CssmFile) {
 /// Has the walls emit something else.
 fn glow(stage: &mut Stage, emitted: f32) {
     let mut materials = stage.world().resource_mut::<Assets<StandardMaterial>>();
-    materials.iter_mut().for_each(|(_, mut material)| material.emissive = LinearRgba::rgb(emitted, emitted, emitted));
+    materials.iter_mut().for_each(|(_, material)| material.emissive = LinearRgba::rgb(emitted, emitted, emitted));
 }
 
 /// The picture as it is in the target, before exposure is taken out again.
