@@ -5,9 +5,9 @@
 // Cost: one thread a texel; a query of visibility for each light that it faces (four for a rect light), and sixteen for each other object on the way.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_seen_from_outside, sight}
+#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_seen_from_outside, sight, STRAIGHT}
 #import bevy_bounce::cssm::texels::{
-    bakes, half_side, load_texel, object_of, scale_of, to_object, to_world, turn_to_object, turn_to_world, Texel,
+    bakes, half_side, load_texel, object_of, reflectance, scale_of, to_object, to_world, turn_to_object, turn_to_world, Texel,
 }
 #import bevy_bounce::cssm::types::CssmGather
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
@@ -17,11 +17,13 @@
 @group(0) @binding(2) var<uniform> scene: Scene;
 @group(0) @binding(3) var<storage, read> lights: array<Light>;
 @group(0) @binding(4) var<uniform> settings: CssmGather;
-// Of each texel, radiance without bounces, cd/m^2: emission before, with reflected direct light after.
+// Of each texel, radiance without bounces, cd/m^2: emission before, with reflected direct light after; share reflected at the surface.
 @group(0) @binding(5) var<storage, read_write> sources: array<vec4<f32>>;
 
 /// Places along a side of a texel from which other objects are asked.
 const PLACES: u32 = 4u;
+/// Prime to their number.
+const STRIDE: u32 = 7u;
 
 // A texel in the world.
 struct Place {
@@ -34,10 +36,21 @@ struct Place {
     up: vec3<f32>,
 }
 
+// One of a grid of points in the square from -1 to 1.
+fn point_of(part: u32) -> vec2<f32> {
+    return (2.0 * vec2<f32>(vec2<u32>(part % PLACES, part / PLACES)) + 1.0) / f32(PLACES) - 1.0;
+}
+
 // One of the places of a texel that stand for equal parts of it.
 fn part_of(place: Place, part: u32) -> vec3<f32> {
-    let at = (2.0 * vec2<f32>(vec2<u32>(part % PLACES, part / PLACES)) + 1.0) / f32(PLACES) - 1.0;
+    let at = point_of(part);
     return place.position + place.across * at.x + place.up * at.y;
+}
+
+// Which map from outside is asked from there: from one place to the next another one, so that all of them together ask the maps
+// around the direction as much as they are near to it, and no shadow jumps as that turns.
+fn aside(part: u32) -> vec2<f32> {
+    return 0.5 * point_of(part * STRIDE % (PLACES * PLACES));
 }
 
 // Share of a texel that other objects leave to a directional light.
@@ -51,7 +64,7 @@ fn share_along(place: Place, direction: vec3<f32>) -> f32 {
         var is_lit = true;
         for (var object = 0u; object < bakes.count && is_lit; object++) {
             let turned = turn_to_object(object, direction);
-            is_lit = object == place.object || is_seen_from_outside(object, to_object(object, position), turned);
+            is_lit = object == place.object || is_seen_from_outside(object, to_object(object, position), turned, aside(part));
         }
         seen += select(0.0, 1.0, is_lit);
     }
@@ -61,7 +74,7 @@ fn share_along(place: Place, direction: vec3<f32>) -> f32 {
 fn directional(place: Place, light: Light) -> vec3<f32> {
     let cosine = -dot(place.normal, light.direction);
     let turned = turn_to_object(place.object, light.direction);
-    if cosine <= 0.0 || !is_seen_from_outside(place.object, place.texel.position, turned) {
+    if cosine <= 0.0 || !is_seen_from_outside(place.object, place.texel.position, turned, STRAIGHT) {
         return vec3<f32>(0.0);
     }
     return light.color * (cosine * share_along(place, light.direction));
@@ -77,7 +90,7 @@ fn visible(place: Place, point: vec3<f32>) -> f32 {
     }
     var seen = 0.0;
     for (var part = 0u; part < PLACES * PLACES; part++) {
-        seen += select(1.0, 0.0, is_hidden(part_of(place, part), point, between));
+        seen += select(1.0, 0.0, is_hidden(part_of(place, part), point, between, aside(part)));
     }
     return own * seen / f32(PLACES * PLACES);
 }
@@ -138,5 +151,5 @@ fn direct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
             irradiance += punctual(place, light);
         }
     }
-    sources[at] += vec4<f32>(texel.diffuse * irradiance / PI, 0.0);
+    sources[at] += vec4<f32>(reflectance(texel, sources[at].w) * irradiance / PI, 0.0);
 }

@@ -25,7 +25,7 @@
 #import bevy_bounce::cssm::types::CssmGather
 #import bevy_bounce::shared::sampling::{hash, unit_float, PI}
 #ifdef SEVERAL
-#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_in_open, sight, Objects}
+#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_in_open, sight, Objects, STRAIGHT}
 #import bevy_bounce::shared::scene::NONE
 #endif
 #ifdef GLOSSY
@@ -165,7 +165,7 @@ fn shared_view(texel: Texel, local: Local, receiver: Receiver) -> f32 {
             seen *= sight(receiver.object, receiver.texel, place, filtered);
         }
     }
-    if seen > 0.0 && is_hidden(to_world(local.object, texel.position), receiver.position, local.between) {
+    if seen > 0.0 && is_hidden(to_world(local.object, texel.position), receiver.position, local.between, STRAIGHT) {
         return 0.0;
     }
     return seen;

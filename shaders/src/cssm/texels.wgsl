@@ -53,6 +53,12 @@ fn load_texel(object: u32, index: u32) -> Texel {
     return texel;
 }
 
+/// Share of light that a texel sends on: what is reflected at its surface, then the rest by its colour. As `surface_albedo` in
+/// shared/triangles.wgsl.
+fn reflectance(texel: Texel, specular: f32) -> vec3<f32> {
+    return mix(texel.diffuse, vec3<f32>(1.0), specular);
+}
+
 /// From the middle of a square of that area and normal, which stands for a texel, to the middle of a side; `cross(normal, ...)` leads to
 /// the next side.
 fn half_side(normal: vec3<f32>, area: f32) -> vec3<f32> {

@@ -52,8 +52,8 @@ fn cuts_are_counted() {
     let all = shown(&mut stage, GiIsolate::CutSize);
     let wrong = all.pixels.iter().map(|pixel| count_of(*pixel)).find(|count| (count / texels - 1.0).abs() > 0.02);
     assert_eq!(wrong, None, "of {texels} texels");
-    glow(&mut stage, 0.01 * EMITTED);
-    stage.light_by(radiosity(64.0));
+    glow(&mut stage, 0.002 * EMITTED);
+    stage.light_by(radiosity(128.0));
     let few = shown(&mut stage, GiIsolate::CutSize).map(|pixel| [count_of(pixel); 3]);
     let (least, most) = few.pixels.iter().fold((f32::INFINITY, 0.0_f32), |(a, b), [n, ..]| (a.min(*n), b.max(*n)));
     println!("{texels} texels; cuts of {least:.1} to {most:.1} nodes");
@@ -138,8 +138,8 @@ fn atlases_are_shown_lit() {
 #[test]
 fn pictures_of_bakes_come_and_go() {
     use GiIsolate::{BakedAtlas, CutSize, Indirect, TreeLevels};
-    let size = UVec2::new(320, 180);
-    let mut stage = Stage::of_asset("cornell_box.glb", run(size, Some(radiosity(8.0))), true, Some(cornell_box().clone()));
+    let size = UVec2::new(160, 90);
+    let mut stage = Stage::of_asset("cornell_box.glb", run(size, Some(radiosity(16.0))), true, Some(cornell_box().clone()));
     let pictures = [Indirect, CutSize, TreeLevels, BakedAtlas].map(|isolate| (isolate, shown(&mut stage, isolate)));
     for (number, (isolate, picture)) in pictures.iter().enumerate() {
         assert!(picture.nonfinite() == 0 && picture.mean_luminance() > 0.0, "{isolate:?}");
