@@ -7,4 +7,5 @@ mod moving;
 mod query;
 mod references;
 mod stage;
+mod table;
 mod views;

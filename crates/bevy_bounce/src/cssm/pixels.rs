@@ -68,7 +68,7 @@ pub(super) fn prepare_pixels(
     // Texels that are not lit are lit in this frame.
     let (is_lit, times_lit) = baked.map_or((false, 0), |baked| (baked.is_lit(), baked.times_lit));
     let times_lit = times_lit + u64::from(!is_lit);
-    let most = u64::from(device.limits().max_storage_buffer_binding_size);
+    let most = device.limits().max_storage_buffer_binding_size;
     for (entity, CssmView(gather), (gi, textures, camera, view, jitter), light) in &mut views {
         let glossy = textures.glossy.is_some();
         let texels = u64::from(textures.size.x) * u64::from(textures.size.y);

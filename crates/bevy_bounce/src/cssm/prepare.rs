@@ -262,4 +262,3 @@ pub(super) fn prepare_light(
         baked.wanted = Some(state);
     }
 }
-

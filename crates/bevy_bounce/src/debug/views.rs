@@ -114,7 +114,11 @@ impl Shown<'_> {
         match isolate {
             GiIsolate::CutSize | GiIsolate::TreeLevels | GiIsolate::BakedAtlas => {
                 let pixels = self.baked.as_ref()?;
-                let size = if isolate == GiIsolate::BakedAtlas { folded(pixels.baked.lights().div_ceil(GROUP)) } else { tiles };
+                let size = if isolate == GiIsolate::BakedAtlas {
+                    folded(pixels.baked.lights().div_ceil(GROUP))
+                } else {
+                    tiles
+                };
                 return Some((pixels.groups(kernel, self.is_glossy(isolate), device, cache)?.into(), size));
             }
             GiIsolate::ShadowAtlas => {

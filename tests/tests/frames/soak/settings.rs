@@ -31,9 +31,7 @@ pub fn isolate(random: &mut Rng) -> GiIsolate {
         Split, TreeLevels, VoxelAlbedo, VoxelLight, VoxelNormal,
     };
     let light = [All, All, All, All, Direct, Indirect, Bounded, Residual, Split, Glossy, Irradiance];
-    let pictures = [
-        VoxelAlbedo, VoxelNormal, VoxelLight, ShadowAtlas, Clusters, CutSize, TreeLevels, BakedAtlas,
-    ];
+    let pictures = [VoxelAlbedo, VoxelNormal, VoxelLight, ShadowAtlas, Clusters, CutSize, TreeLevels, BakedAtlas];
     one_of(random, &[&light[..], &pictures].concat())
 }
 

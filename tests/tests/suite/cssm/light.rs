@@ -216,8 +216,10 @@ fn coarse_cuts_lose_no_light() {
     let file = cornell_box();
     let texels = texels(file);
     let lamps = lights(file);
-    let sent: Vec<Vec3> =
-        texels.iter().map(|texel| Vec3::from(texel.diffuse) * direct(file, texel, &lamps) / std::f32::consts::PI).collect();
+    let sent: Vec<Vec3> = texels
+        .iter()
+        .map(|texel| Vec3::from(texel.diffuse) * direct(file, texel, &lamps) / std::f32::consts::PI)
+        .collect();
     let groups = [texels.len().div_ceil(64) as u32, 1, 1];
     let gathered = |threshold: f32| {
         let lit = with_light(&[(file, Affine3A::IDENTITY)], &sent, threshold);

@@ -22,7 +22,7 @@ fn radiosity(bounces: u32, error: f32) -> GlobalIllumination {
 }
 
 /// By the baker's own settings: an atlas of 128, cube maps of 64.
-fn baked(path: &Path) -> CssmFile {
+pub(super) fn baked(path: &Path) -> CssmFile {
     let source = Source::open(path).unwrap_or_else(|error| panic!("{error}"));
     let scene = Scene::from_gltf(&source).unwrap_or_else(|error| panic!("{error}"));
     bake(&scene, &BakeSettings::default(), &()).unwrap_or_else(|error| panic!("{error}")).0

@@ -30,7 +30,7 @@ fn glow(stage: &mut Stage, emitted: f32) {
 }
 
 /// The picture as it is in the target, before exposure is taken out again.
-fn shown(stage: &mut Stage, isolate: GiIsolate) -> Picture {
+pub(super) fn shown(stage: &mut Stage, isolate: GiIsolate) -> Picture {
     let camera = stage.only::<Camera3d>();
     stage.world().entity_mut(camera).insert(isolate);
     let exposure = stage.world().get::<Exposure>(camera).copied().unwrap_or_default().exposure();
@@ -38,7 +38,7 @@ fn shown(stage: &mut Stage, isolate: GiIsolate) -> Picture {
 }
 
 /// The count whose colour that is.
-fn count_of([red, green, blue]: [f32; 3]) -> f32 {
+pub(super) fn count_of([red, green, blue]: [f32; 3]) -> f32 {
     let at = if red > 0.0 { 3.0 + red - green } else { 1.0 + green - blue };
     if red + green + blue == 0.0 { 0.0 } else { 8.0_f32.powf(at) }
 }
@@ -139,7 +139,8 @@ fn atlases_are_shown_lit() {
 fn pictures_of_bakes_come_and_go() {
     use GiIsolate::{BakedAtlas, CutSize, Indirect, TreeLevels};
     let size = UVec2::new(160, 90);
-    let mut stage = Stage::of_asset("cornell_box.glb", run(size, Some(radiosity(16.0))), true, Some(cornell_box().clone()));
+    let mut stage =
+        Stage::of_asset("cornell_box.glb", run(size, Some(radiosity(16.0))), true, Some(cornell_box().clone()));
     let pictures = [Indirect, CutSize, TreeLevels, BakedAtlas].map(|isolate| (isolate, shown(&mut stage, isolate)));
     for (number, (isolate, picture)) in pictures.iter().enumerate() {
         assert!(picture.nonfinite() == 0 && picture.mean_luminance() > 0.0, "{isolate:?}");
