@@ -168,6 +168,12 @@ pub enum IsolateOption {
     ShadowAtlas,
     /// Clusters of the radiance caches
     Clusters,
+    /// Nodes of baked hierarchies that each pixel gathers from
+    CutSize,
+    /// Baked hierarchies, level by level
+    TreeLevels,
+    /// Lit atlases of baked objects
+    BakedAtlas,
 }
 
 /// `--resolution`, `--ssbc-resolution`

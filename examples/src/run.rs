@@ -117,6 +117,9 @@ impl Options {
             (None, IsolateOption::VoxelLight) => GiIsolate::VoxelLight,
             (None, IsolateOption::ShadowAtlas) => GiIsolate::ShadowAtlas,
             (None, IsolateOption::Clusters) => GiIsolate::Clusters,
+            (None, IsolateOption::CutSize) => GiIsolate::CutSize,
+            (None, IsolateOption::TreeLevels) => GiIsolate::TreeLevels,
+            (None, IsolateOption::BakedAtlas) => GiIsolate::BakedAtlas,
         }
     }
 

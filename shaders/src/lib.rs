@@ -96,6 +96,7 @@ shaders! {
     "cssm/direct.wgsl" => ["direct"],
     "cssm/hierarchy.wgsl" => ["leaves", "pull"],
     "cssm/bounce.wgsl" => ["bounce"],
+    "debug/heat.wgsl" => [],
     "cssm/pixels.wgsl" => ["pixels"],
     "radiance_cache/types.wgsl" => [],
     "radiance_cache/places.wgsl" => ["list_places", "measure_unit"],
@@ -124,6 +125,8 @@ shaders! {
     "debug/voxels.wgsl" => ["show_voxels"],
     "debug/atlas.wgsl" => ["show_atlas"],
     "debug/clusters.wgsl" => ["show_clusters"],
+    "debug/tree.wgsl" => ["show_tree"],
+    "debug/baked_atlas.wgsl" => ["show_baked_atlas"],
 }
 
 /// The shader of that path.

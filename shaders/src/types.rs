@@ -584,10 +584,10 @@ pub struct CssmBake {
     pub blocks: u32,
     /// Where in the blocks those of its maps from outside begin.
     pub csm_blocks: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_a: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_b: u32,
+    /// Columns of its atlas, texels.
+    pub atlas_width: u32,
+    /// Rows of it.
+    pub atlas_height: u32,
 }
 
 /// All baked objects.
@@ -618,10 +618,10 @@ pub struct CssmGather {
     pub threshold: f32,
     /// 1 where visibility is filtered over four pixels.
     pub filtered: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_a: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_b: u32,
+    /// Frames over which a pixel that rests is averaged at most, below 256; up to 1 is none.
+    pub frames: u32,
+    /// 1 where the last frame shows something else.
+    pub restart: u32,
 }
 
 /// A level of the hierarchies.

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use bevy::prelude::*;
 
 use crate::avg::VoxelGrid;
-use crate::cssm::Baked;
+use crate::cssm::{Baked, PixelLight};
 use crate::history::History;
 use crate::probes::ProbeBuffers;
 use crate::radiance_cache::{CacheBuffers, VoxelLight};
@@ -23,6 +23,7 @@ pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let mut views = render_world.query::<&ViewTextures>();
     let mut compensated = render_world.query::<&SsbcTextures>();
     let mut kept = render_world.query::<&History>();
+    let mut resting = render_world.query::<&PixelLight>();
     let mut cached = render_world.query::<&CacheBuffers>();
     let items = render_world.get_resource::<SceneBuffers>().map(SceneBuffers::bytes).into_iter().flatten();
     let items = items.chain(render_world.get_resource::<VoxelGrid>().map(VoxelGrid::bytes).into_iter().flatten());
@@ -34,6 +35,7 @@ pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let items = items.chain(views.iter(render_world).flat_map(ViewTextures::bytes));
     let items = items.chain(compensated.iter(render_world).flat_map(SsbcTextures::bytes));
     let items = items.chain(cached.iter(render_world).flat_map(CacheBuffers::bytes));
+    let items = items.chain(resting.iter(render_world).flat_map(PixelLight::bytes));
     let items = items.chain(kept.iter(render_world).flat_map(History::bytes));
     let mut memory = BTreeMap::new();
     for (name, bytes) in items {

@@ -14,7 +14,7 @@ use crate::traversal::{self, Strategy};
 use crate::{BakeError, Progress, Report, Step};
 
 /// Goes into the hash of what a file was baked from. Raised when the same source and settings give another file.
-pub const BAKER_VERSION: u32 = 2;
+pub const BAKER_VERSION: u32 = 3;
 
 /// How far above its texel a cube map stands, as a share of the object's diameter: enough that no ray starts under its own
 /// surface by rounding.

@@ -4,8 +4,9 @@
 // cssm/gather.wgsl.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::cssm::gather::{gather, leaf_texel, hash, Receiver}
+#import bevy_bounce::cssm::gather::{gather, leaf_texel, Receiver}
 #import bevy_bounce::cssm::texels::{bakes, load_texel, object_of, to_world, turn_to_world}
+#import bevy_bounce::shared::sampling::hash
 
 // Of each texel: irradiance over pi, cd/m^2; nodes of its cuts.
 @group(0) @binding(5) var<storage, read_write> gathered: array<vec4<f32>>;
@@ -27,6 +28,6 @@ fn bounce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     receiver.object = object;
     receiver.texel = texel;
 #endif
-    let result = gather(receiver, hash(first + index));
+    let result = gather(receiver, hash(first + index), 0u);
     gathered[first + index] = vec4<f32>(result.light, f32(result.cut));
 }

@@ -1,12 +1,13 @@
 // Direct light into the texels of baked objects, with Bevy's units, cones and ranges. Shadows are those of the objects: of its
-// own by the texel's cube map, of others by their maps from outside.
+// own by the texel's cube map, of others by their maps from outside from places all over the texel: as an object moves, its shadow does so
+// by less than a texel.
 //
-// Cost: one thread a texel; a query of visibility for each light that it faces (four for a rect light), and one for each other object on the way.
+// Cost: one thread a texel; a query of visibility for each light that it faces (four for a rect light), and sixteen for each other object on the way.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_seen_from_outside, sight}
+#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_seen_from_outside, sight, STRAIGHT}
 #import bevy_bounce::cssm::texels::{
-    bakes, load_texel, object_of, to_object, to_world, turn_to_object, turn_to_world, Texel,
+    bakes, half_side, load_texel, object_of, reflectance, scale_of, to_object, to_world, turn_to_object, turn_to_world, Texel,
 }
 #import bevy_bounce::cssm::types::CssmGather
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
@@ -16,8 +17,13 @@
 @group(0) @binding(2) var<uniform> scene: Scene;
 @group(0) @binding(3) var<storage, read> lights: array<Light>;
 @group(0) @binding(4) var<uniform> settings: CssmGather;
-// Of each texel, radiance without bounces, cd/m^2: emission before, with reflected direct light after.
+// Of each texel, radiance without bounces, cd/m^2: emission before, with reflected direct light after; share reflected at the surface.
 @group(0) @binding(5) var<storage, read_write> sources: array<vec4<f32>>;
+
+/// Places along a side of a texel from which other objects are asked.
+const PLACES: u32 = 4u;
+/// Prime to their number.
+const STRIDE: u32 = 7u;
 
 // A texel in the world.
 struct Place {
@@ -25,31 +31,68 @@ struct Place {
     texel: Texel,
     position: vec3<f32>,
     normal: vec3<f32>,
+    /// From its middle to the middles of two sides.
+    across: vec3<f32>,
+    up: vec3<f32>,
 }
 
-fn is_lit_along(place: Place, direction: vec3<f32>) -> bool {
-    for (var object = 0u; object < bakes.count; object++) {
-        let point = to_object(object, place.position);
-        if !is_seen_from_outside(object, point, turn_to_object(object, direction)) {
-            return false;
-        }
+// One of a grid of points in the square from -1 to 1.
+fn point_of(part: u32) -> vec2<f32> {
+    return (2.0 * vec2<f32>(vec2<u32>(part % PLACES, part / PLACES)) + 1.0) / f32(PLACES) - 1.0;
+}
+
+// One of the places of a texel that stand for equal parts of it.
+fn part_of(place: Place, part: u32) -> vec3<f32> {
+    let at = point_of(part);
+    return place.position + place.across * at.x + place.up * at.y;
+}
+
+// Which map from outside is asked from there: from one place to the next another one, so that all of them together ask the maps
+// around the direction as much as they are near to it, and no shadow jumps as that turns.
+fn aside(part: u32) -> vec2<f32> {
+    return 0.5 * point_of(part * STRIDE % (PLACES * PLACES));
+}
+
+// Share of a texel that other objects leave to a directional light.
+fn share_along(place: Place, direction: vec3<f32>) -> f32 {
+    if bakes.count < 2u {
+        return 1.0;
     }
-    return true;
+    var seen = 0.0;
+    for (var part = 0u; part < PLACES * PLACES; part++) {
+        let position = part_of(place, part);
+        var is_lit = true;
+        for (var object = 0u; object < bakes.count && is_lit; object++) {
+            let turned = turn_to_object(object, direction);
+            is_lit = object == place.object || is_seen_from_outside(object, to_object(object, position), turned, aside(part));
+        }
+        seen += select(0.0, 1.0, is_lit);
+    }
+    return seen / f32(PLACES * PLACES);
 }
 
 fn directional(place: Place, light: Light) -> vec3<f32> {
     let cosine = -dot(place.normal, light.direction);
-    if cosine <= 0.0 || !is_lit_along(place, light.direction) {
+    let turned = turn_to_object(place.object, light.direction);
+    if cosine <= 0.0 || !is_seen_from_outside(place.object, place.texel.position, turned, STRAIGHT) {
         return vec3<f32>(0.0);
     }
-    return light.color * cosine;
+    return light.color * (cosine * share_along(place, light.direction));
 }
 
 // How much of a point is seen.
 fn visible(place: Place, point: vec3<f32>) -> f32 {
     let own = sight(place.object, place.texel, to_object(place.object, point), settings.filtered != 0u);
-    let between = between_candidates(place.position, point, 0.0, place.object, place.object);
-    return select(own, 0.0, own <= 0.0 || is_hidden(place.position, point, between));
+    let radius = length(place.across + place.up);
+    let between = between_candidates(place.position, point, radius, place.object, place.object);
+    if own <= 0.0 || (between.words[0] | between.words[1]) == 0u {
+        return own;
+    }
+    var seen = 0.0;
+    for (var part = 0u; part < PLACES * PLACES; part++) {
+        seen += select(1.0, 0.0, is_hidden(part_of(place, part), point, between, aside(part)));
+    }
+    return own * seen / f32(PLACES * PLACES);
 }
 
 fn punctual(place: Place, light: Light) -> vec3<f32> {
@@ -87,7 +130,16 @@ fn direct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     }
     let object = object_of(at);
     let texel = load_texel(object, at - bakes.objects[object].first_light);
-    let place = Place(object, texel, to_world(object, texel.position), turn_to_world(object, texel.normal));
+    let across = half_side(texel.normal, texel.area);
+    let half = length(across) * scale_of(object);
+    let place = Place(
+        object,
+        texel,
+        to_world(object, texel.position),
+        turn_to_world(object, texel.normal),
+        turn_to_world(object, across) * half,
+        turn_to_world(object, cross(texel.normal, across)) * half,
+    );
     var irradiance = vec3<f32>(0.0);
     for (var i = 0u; i < scene.light_count; i++) {
         let light = lights[i];
@@ -99,5 +151,5 @@ fn direct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
             irradiance += punctual(place, light);
         }
     }
-    sources[at] += vec4<f32>(texel.diffuse * irradiance / PI, 0.0);
+    sources[at] += vec4<f32>(reflectance(texel, sources[at].w) * irradiance / PI, 0.0);
 }

@@ -4,7 +4,8 @@
 //
 // A node is refined where the light that could come from it, if all of it stood and faced as favourably as its sphere and its
 // cone allow, is more than the threshold; for a glossy receiver, with what it mirrors. A node that is not refined sends its light
-// from one of its texels, another one for each receiver.
+// from one of its texels, another one for each receiver, chosen in proportion to what the texels send and divided by that chance: so
+// the mean over receivers is that of all texels one by one, wherever the bright ones of them lie and whatever hides the dark ones.
 //
 // What hides a sender is asked of the cube map of the sender, then of that of the receiver if it is on another object, then of the
 // maps from outside of all others. Section 3.3.
@@ -13,18 +14,18 @@
 //
 // Each hierarchy is walked in its own object's space: radiance, and area over distance squared, are the same in any.
 //
-// Cost: a node visited about 50 operations, a node of the cut a query of visibility; with several objects, a query more and one for
-// each further object whose sphere is in the way.
+// Cost: a node visited about 50 operations, a node of the cut a query of visibility and a read for each level below it; with several
+// objects, a query more and one for each further object whose sphere is in the way.
 
 #define_import_path bevy_bounce::cssm::gather
 
 #import bevy_bounce::cssm::query::visibility
-#import bevy_bounce::cssm::texels::{bakes, load_texel, scale_of, to_object, to_world, turn_to_object, Texel}
+#import bevy_bounce::cssm::texels::{bakes, half_side, load_texel, scale_of, to_object, to_world, turn_to_object, Texel}
 #import bevy_bounce::cssm::tree::{unpack_node, node_count, Node}
 #import bevy_bounce::cssm::types::CssmGather
-#import bevy_bounce::shared::sampling::PI
+#import bevy_bounce::shared::sampling::{hash, unit_float, PI}
 #ifdef SEVERAL
-#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_in_open, sight, Objects}
+#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_in_open, sight, Objects, STRAIGHT}
 #import bevy_bounce::shared::scene::NONE
 #endif
 #ifdef GLOSSY
@@ -39,6 +40,9 @@
 
 /// Square of the distance, in areas of a texel, within which the texel's shape counts.
 const NEAR: f32 = 16.0;
+
+/// The golden ratio's fraction, of 2^32: multiples of it are evenly spread.
+const GOLDEN_RATIO: u32 = 0x9e3779b9u;
 
 /// A place of the world that receives light.
 struct Receiver {
@@ -89,13 +93,6 @@ fn leaf_texel(object: u32, rank: u32) -> u32 {
     return tree[bakes.objects[object].first_node + node_count(object) + rank / 4u][rank % 4u];
 }
 
-// Jarzynski and Olano 2020, "Hash Functions for GPU Rendering": PCG.
-fn hash(value: u32) -> u32 {
-    let state = value * 747796405u + 2891336453u;
-    let word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
-    return (word >> 22u) ^ word;
-}
-
 // Cosine of an angle, of which `cosine` is that and `slack` that of how much smaller it may be.
 fn widened_cosine(cosine: f32, slack: f32) -> f32 {
     if cosine >= slack {
@@ -144,8 +141,7 @@ fn edge(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
 
 // Form factor of a square of that area and normal whose middle is `way` from the receiver. Lambert 1760.
 fn square_form_factor(way: vec3<f32>, normal: vec3<f32>, area: f32, receiver: vec3<f32>) -> f32 {
-    let helper = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 0.0, 1.0), abs(normal.z) < 0.9);
-    let across = normalize(cross(helper, normal)) * (0.5 * sqrt(area));
+    let across = half_side(normal, area);
     let up = cross(normal, across);
     let a = normalize(way - across - up);
     let b = normalize(way + across - up);
@@ -169,7 +165,7 @@ fn shared_view(texel: Texel, local: Local, receiver: Receiver) -> f32 {
             seen *= sight(receiver.object, receiver.texel, place, filtered);
         }
     }
-    if seen > 0.0 && is_hidden(to_world(local.object, texel.position), receiver.position, local.between) {
+    if seen > 0.0 && is_hidden(to_world(local.object, texel.position), receiver.position, local.between, STRAIGHT) {
         return 0.0;
     }
     return seen;
@@ -181,9 +177,42 @@ fn shared_view(texel: Texel, local: Local, receiver: Receiver) -> f32 {
 }
 #endif
 
-// Adds light from one texel in the name of a node, whose power that is.
+// A texel below a node, by its leaf.
+struct Sender {
+    /// Its place among the object's nodes, and in the order of leaves.
+    node: u32,
+    rank: u32,
+}
+
+// What texels are chosen by: no channel of a texel's light is more.
+fn brightness(power: vec4<f32>) -> f32 {
+    return power.r + power.g + power.b;
+}
+
+// One of the texels below a node, in proportion to what they send, by a number from 0 to 1. Walter et al. 2005, 3.1.
+fn choose_sender(first_power: u32, node: u32, rank: u32, texels: u32, number: f32) -> Sender {
+    var sender = Sender(node, rank);
+    var left = texels;
+    var place = number * brightness(powers[first_power + node]);
+    while left > 1u {
+        let half = (left + 1u) / 2u;
+        let first = brightness(powers[first_power + sender.node + 1u]);
+        if place < first {
+            sender.node += 1u;
+            left = half;
+        } else {
+            place -= first;
+            sender.node += 2u * half;
+            sender.rank += half;
+            left -= half;
+        }
+    }
+    return sender;
+}
+
+// Adds light from a texel that stands for as many like it; `power` is its own.
 fn add_transfer(
-    result: ptr<function, Gathered>, index: u32, is_leaf: bool, power: vec4<f32>, local: Local, receiver: Receiver,
+    result: ptr<function, Gathered>, index: u32, power: vec4<f32>, like_it: f32, local: Local, receiver: Receiver,
 ) {
     let texel = load_texel(local.object, index);
     let way = texel.position - local.position;
@@ -192,16 +221,16 @@ fn add_transfer(
     if sender <= 0.0 {
         return;
     }
-    // Of a disc of the node's area, faced from its axis; of a square where that would not do.
-    let disc = sender * power.w / (square * (PI * square + power.w));
+    // Of a disc of the texel's area, faced from its axis; of a square where that would not do.
+    let disc = sender * texel.area / (square * (PI * square + texel.area));
     var form_factor = max(dot(local.normal, way), 0.0) * disc;
-    if is_leaf && square < NEAR * texel.area {
+    if square < NEAR * texel.area {
         form_factor = square_form_factor(way, texel.normal, texel.area, local.normal);
     }
     if form_factor <= 0.0 {
         return;
     }
-    let radiance = power.rgb * (shared_view(texel, local, receiver) / power.w);
+    let radiance = power.rgb * (like_it * shared_view(texel, local, receiver) / texel.area);
     (*result).light += radiance * form_factor;
 #ifdef GLOSSY
     let distance = sqrt(square);
@@ -227,7 +256,7 @@ fn to_local(object: u32, receiver: Receiver) -> Local {
     return local;
 }
 
-fn gather_from(object: u32, receiver: Receiver, seed: u32) -> Gathered {
+fn gather_from(object: u32, receiver: Receiver, seed: u32, turn: u32) -> Gathered {
     let local = to_local(object, receiver);
     let first_node = bakes.objects[object].first_node;
     let first_power = 2u * bakes.objects[object].first_light;
@@ -247,8 +276,12 @@ fn gather_from(object: u32, receiver: Receiver, seed: u32) -> Gathered {
                 continue;
             }
             if bound > 0.0 {
-                let pick = hash(seed ^ hash(first_power + index)) % count;
-                add_transfer(&result, leaf_texel(object, rank + pick), count == 1u, power, local, receiver);
+                let number = unit_float(hash(seed ^ hash(first_power + index)) + turn * GOLDEN_RATIO);
+                let sender = choose_sender(first_power, index, rank, count, number);
+                let sent = powers[first_power + sender.node];
+                // Rounding may lead past the last that sends anything.
+                let like_it = brightness(power) / max(brightness(sent), 1e-30);
+                add_transfer(&result, leaf_texel(object, sender.rank), sent, like_it, local, receiver);
                 result.cut += 1u;
             }
         }
@@ -258,11 +291,12 @@ fn gather_from(object: u32, receiver: Receiver, seed: u32) -> Gathered {
     return result;
 }
 
-/// Light from all objects; `seed` is another one for each receiver.
-fn gather(receiver: Receiver, seed: u32) -> Gathered {
+/// Light from all objects; `seed` is another one for each receiver. From turn to turn other texels send in the name of a node, evenly
+/// spread over what all of them send.
+fn gather(receiver: Receiver, seed: u32, turn: u32) -> Gathered {
     var result = Gathered();
     for (var object = 0u; object < bakes.count; object++) {
-        let part = gather_from(object, receiver, seed);
+        let part = gather_from(object, receiver, seed, turn);
         result.light += part.light;
         result.cut += part.cut;
 #ifdef GLOSSY

@@ -4,14 +4,14 @@
 // Cost: `leaves` one thread a texel, `pull` one a node of the level; a descent from the root each.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::cssm::texels::{bakes, load_texel, object_of}
+#import bevy_bounce::cssm::texels::{bakes, load_texel, object_of, reflectance}
 #import bevy_bounce::cssm::tree::{leaf_node, level_node, node_count}
 #import bevy_bounce::cssm::types::CssmLevel
 
 @group(0) @binding(2) var<storage, read> tree: array<vec4<u32>>;
 // Of each node, two for a place of light: sum of radiance times area, and of the area.
 @group(0) @binding(3) var<storage, read_write> powers: array<vec4<f32>>;
-// Of each texel: radiance without bounces; irradiance over pi by bounces.
+// Of each texel: radiance without bounces, share reflected at the surface; irradiance over pi by bounces.
 @group(0) @binding(4) var<storage, read> sources: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> gathered: array<vec4<f32>>;
 @group(0) @binding(6) var<uniform> level: CssmLevel;
@@ -28,7 +28,7 @@ fn leaves(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     let index = tree[(*bake).first_node + node_count(object) + rank / 4u][rank % 4u];
     let texel = load_texel(object, index);
     let at = (*bake).first_light + index;
-    let radiance = sources[at].rgb + texel.diffuse * gathered[at].rgb;
+    let radiance = sources[at].rgb + reflectance(texel, sources[at].w) * gathered[at].rgb;
     powers[2u * (*bake).first_light + leaf_node(object, rank)] = vec4<f32>(radiance, 1.0) * texel.area;
 }
 

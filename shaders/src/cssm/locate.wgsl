@@ -15,14 +15,16 @@ const STRETCH: f32 = 3.0;
 /// How much the distance from a texel's plane counts, as a multiple of that along it: the plane of a place's own texel is near.
 const OFF_PLANE: f32 = 4.0;
 
-/// A texel of an object, or `NONE` for both.
+/// A texel of an object, or `NONE`.
 struct Located {
     object: u32,
     texel: u32,
+    /// Place in the order of leaves.
+    rank: u32,
 }
 
 fn locate(position: vec3<f32>, normal: vec3<f32>) -> Located {
-    var found = Located(NONE, NONE);
+    var found = Located(NONE, NONE, NONE);
     var nearest = 1e30;
     for (var object = 0u; object < bakes.count; object++) {
         let bake = &bakes.objects[object];
@@ -56,7 +58,7 @@ fn locate(position: vec3<f32>, normal: vec3<f32>) -> Located {
                 if apart < limit {
                     limit = apart;
                     nearest = apart;
-                    found = Located(object, leaf);
+                    found = Located(object, leaf, rank);
                 }
             }
             rank += count;

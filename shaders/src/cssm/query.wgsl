@@ -149,18 +149,21 @@ struct OutsideDepth {
     surface: f32,
 }
 
+/// Along the direction that is asked for.
+const STRAIGHT: vec2<f32> = vec2<f32>(0.0);
 /// A depth behind everything.
 const NOTHING: f32 = 1e30;
 
-// In the map whose rays run most nearly along `direction`.
-fn outside_depth(object: u32, point: vec3<f32>, direction: vec3<f32>) -> OutsideDepth {
+// In the map whose rays run most nearly along `direction`, or one beside it: `aside` is how far to look in cells of the grid of directions.
+// The mean over the square of half a cell to all sides is the light of the four maps around, by how near they are.
+fn outside_depth(object: u32, point: vec3<f32>, direction: vec3<f32>, aside: vec2<f32>) -> OutsideDepth {
     let bake = &bakes.objects[object];
     let grid = (*bake).csm_grid;
     let side = (*bake).csm_side;
     if grid == 0u {
         return OutsideDepth(0.0, NOTHING);
     }
-    let scaled = (octahedral_square(direction) * 0.5 + 0.5) * f32(grid);
+    let scaled = (octahedral_square(direction) * 0.5 + 0.5) * f32(grid) + aside;
     let cell = min(vec2<u32>(max(scaled, vec2<f32>(0.0))), vec2<u32>(grid - 1u));
     let forward = octahedral_direction(vec2<f32>(2u * cell + 1u) / f32(grid) - 1.0);
     let helper = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 0.0, 1.0), abs(forward.z) < 0.9);
@@ -185,13 +188,13 @@ fn outside_depth(object: u32, point: vec3<f32>, direction: vec3<f32>) -> Outside
 }
 
 /// Whether a point is seen from far away by rays along `direction`, as far as the object's maps from outside tell.
-fn is_seen_from_outside(object: u32, point: vec3<f32>, direction: vec3<f32>) -> bool {
-    let depth = outside_depth(object, point, direction);
+fn is_seen_from_outside(object: u32, point: vec3<f32>, direction: vec3<f32>, aside: vec2<f32>) -> bool {
+    let depth = outside_depth(object, point, direction, aside);
     return depth.point <= depth.surface;
 }
 
 /// Whether the object blocks the way from a point outside its hull to another one, as far as its maps from outside tell.
-fn is_blocking(object: u32, start: vec3<f32>, end: vec3<f32>) -> bool {
+fn is_blocking(object: u32, start: vec3<f32>, end: vec3<f32>, aside: vec2<f32>) -> bool {
     let bake = &bakes.objects[object];
     let way = end - start;
     let square = sum_of_products(way, way);
@@ -202,7 +205,7 @@ fn is_blocking(object: u32, start: vec3<f32>, end: vec3<f32>) -> bool {
     if sum_of_products(offset, offset) >= (*bake).csm_radius * (*bake).csm_radius {
         return false;
     }
-    let depth = outside_depth(object, nearest, way);
+    let depth = outside_depth(object, nearest, way, aside);
     let length = root(square);
     let first = depth.point - along * length;
     return first < depth.surface && depth.surface < first + length;
@@ -217,7 +220,7 @@ fn is_outside(object: u32, point: vec3<f32>) -> bool {
 /// Whether a point that is not on the object is within its box or seen by the maps from outside. Where a ray leaves an object
 /// through its only surface the cube map leaves open where that is.
 fn is_in_open(object: u32, texel: Texel, point: vec3<f32>) -> bool {
-    return !is_outside(object, point) || is_seen_from_outside(object, texel.position, texel.position - point);
+    return !is_outside(object, point) || is_seen_from_outside(object, texel.position, texel.position - point, STRAIGHT);
 }
 
 /// Share of any point that its own object lets a texel see.
@@ -227,13 +230,13 @@ fn sight(object: u32, texel: Texel, point: vec3<f32>, filtered: bool) -> f32 {
 
 /// Whether an object that neither of two places of the world is on stands between them. It is asked from outside its box; what
 /// lies between two places within that is not known.
-fn is_between(object: u32, a: vec3<f32>, b: vec3<f32>) -> bool {
+fn is_between(object: u32, a: vec3<f32>, b: vec3<f32>, aside: vec2<f32>) -> bool {
     let start = to_object(object, a);
     let end = to_object(object, b);
     if is_outside(object, start) {
-        return is_blocking(object, start, end);
+        return is_blocking(object, start, end, aside);
     }
-    return is_outside(object, end) && is_blocking(object, end, start);
+    return is_outside(object, end) && is_blocking(object, end, start, aside);
 }
 
 /// Objects as bits.
@@ -260,7 +263,7 @@ fn between_candidates(place: vec3<f32>, center: vec3<f32>, radius: f32, object_a
 }
 
 /// Whether one of those objects stands between two places of the world.
-fn is_hidden(a: vec3<f32>, b: vec3<f32>, candidates: Objects) -> bool {
+fn is_hidden(a: vec3<f32>, b: vec3<f32>, candidates: Objects, aside: vec2<f32>) -> bool {
     var low = candidates.words[0];
     var high = candidates.words[1];
     while (low | high) != 0u {
@@ -271,7 +274,7 @@ fn is_hidden(a: vec3<f32>, b: vec3<f32>, candidates: Objects) -> bool {
         } else {
             low &= low - 1u;
         }
-        if is_between(object, a, b) {
+        if is_between(object, a, b, aside) {
             return true;
         }
     }

@@ -53,6 +53,25 @@ fn load_texel(object: u32, index: u32) -> Texel {
     return texel;
 }
 
+/// Share of light that a texel sends on: what is reflected at its surface, then the rest by its colour. As `surface_albedo` in
+/// shared/triangles.wgsl.
+fn reflectance(texel: Texel, specular: f32) -> vec3<f32> {
+    return mix(texel.diffuse, vec3<f32>(1.0), specular);
+}
+
+/// From the middle of a square of that area and normal, which stands for a texel, to the middle of a side; `cross(normal, ...)` leads to
+/// the next side.
+fn half_side(normal: vec3<f32>, area: f32) -> vec3<f32> {
+    let helper = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 0.0, 1.0), abs(normal.z) < 0.9);
+    return normalize(cross(helper, normal)) * (0.5 * sqrt(area));
+}
+
+/// Column and row of a texel in its object's atlas.
+fn load_cell(object: u32, index: u32) -> vec2<u32> {
+    let word = texels[(bakes.objects[object].first_texel + index) * TEXEL_WORDS + 8u];
+    return vec2<u32>(word & 0xffffu, word >> 16u);
+}
+
 /// The object that has that place in the arrays of light.
 fn object_of(light: u32) -> u32 {
     var object = 0u;

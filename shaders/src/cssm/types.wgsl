@@ -29,8 +29,8 @@ struct CssmBake {
     csm_directory: u32,
     blocks: u32,
     csm_blocks: u32,
-    padding_a: u32,
-    padding_b: u32,
+    atlas_width: u32,
+    atlas_height: u32,
 }
 
 const CSSM_OBJECTS: u32 = 64u;
@@ -46,8 +46,8 @@ struct CssmBakes {
 struct CssmGather {
     threshold: f32,
     filtered: u32,
-    padding_a: u32,
-    padding_b: u32,
+    frames: u32,
+    restart: u32,
 }
 
 struct CssmLevel {

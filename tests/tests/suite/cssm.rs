@@ -5,4 +5,7 @@ mod glossy;
 mod light;
 mod moving;
 mod query;
+mod references;
 mod stage;
+mod table;
+mod views;

@@ -68,6 +68,14 @@ pub enum GiIsolate {
     ShadowAtlas,
     /// Clusters of pixels that share a radiance cache, each in a colour of its own; where the caches are, white.
     Clusters,
+    /// How many nodes of baked objects' hierarchies each pixel gathers from: 0 black, 1 blue, 8 cyan, 64 green, 512 yellow, 4096 and
+    /// more red.
+    CutSize,
+    /// The hierarchies of baked objects' texels: every node's first half is dark and its second half bright, the roots' in red, the next
+    /// level's in green, then blue, then red half as much, and so on. What is not baked is black.
+    TreeLevels,
+    /// The atlases of baked objects with the light that their texels send, object by object in rows.
+    BakedAtlas,
 }
 
 impl GiIsolate {
@@ -78,8 +86,9 @@ impl GiIsolate {
 
     /// Whether it is no light of the picture, but a [picture](crate::debug) of an intermediate.
     pub(crate) fn is_picture(self) -> bool {
-        use GiIsolate::{Clusters, ShadowAtlas, VoxelAlbedo, VoxelLight, VoxelNormal};
-        matches!(self, VoxelAlbedo | VoxelNormal | VoxelLight | ShadowAtlas | Clusters)
+        use GiIsolate::{BakedAtlas, Clusters, CutSize, ShadowAtlas, TreeLevels, VoxelAlbedo, VoxelLight, VoxelNormal};
+        let of_voxels = matches!(self, VoxelAlbedo | VoxelNormal | VoxelLight);
+        of_voxels || matches!(self, ShadowAtlas | Clusters | CutSize | TreeLevels | BakedAtlas)
     }
 }
 

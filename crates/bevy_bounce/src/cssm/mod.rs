@@ -38,8 +38,9 @@
 //! | `texels`, `directory`, `blocks` | as the files, each once | [`words`] |
 //! | `tree` | 36 a texel, each bake once | [`tree`] |
 //! | `powers` | 32 a texel | of each node, radiance times area, and area |
-//! | `sources`, `gathered` | 16 a texel each | radiance without bounces; irradiance over pi by bounces, nodes of the cuts |
+//! | `sources`, `gathered` | 16 a texel each | radiance without bounces, share reflected at the surface; irradiance over pi by bounces, nodes of the cuts |
 //! | `surfaces` | 12 a texel | which triangle each texel shows |
+//! | `kept` | 16 a pixel, 32 with glossy light, where light is averaged | mean light of a pixel that rests, what it shows |
 //! | `bakes` | 14 KiB | where each object stands, and where its words are |
 //!
 //! # Cost
@@ -51,23 +52,27 @@
 //!
 //! # What counts
 //!
-//! Up to [`MOST_OBJECTS`] objects, rigid: turned, moved, scaled evenly. Their diffuse colours are those of their bakes, their emission is
-//! that of their materials now. What is not baked receives light and neither blocks nor reflects it. A light or another object within an
+//! Up to [`MOST_OBJECTS`] objects, rigid: turned, moved, scaled evenly. Their colours are those of their bakes, their emission and what they
+//! reflect at their surface are those of their materials now. What is not baked receives light and neither blocks nor reflects it. A light or another object within an
 //! object's box that has only one surface of it on a line with a texel, or stands between two of them, may be seen through the
-//! first: the cube maps know where surfaces are, not what stands between them. A node of the cut is as visible as one of its texels:
-//! where bright ones are together with dark ones that are hidden, some light is lost, less with a smaller error.
+//! first: the cube maps know where surfaces are, not what stands between them.
+//!
+//! A node of the cut sends from one of its texels, chosen in proportion to what they send: no light is lost, however coarse the cut; what a
+//! larger error costs is noise from pixel to pixel and texel to texel. With [history](crate::GiSettings::history) other texels send in each
+//! frame while the camera, the objects and the light rest, and a pixel shows the mean of up to 64 frames, after which it costs a load.
 //!
 //! Mesa's software rasteriser ends the loops of a thread after 65,535 rounds, two to four of which are a node's: beyond some 16,000
 //! nodes that a single receiver visits it leaves light out. Errors of a fraction of a step over large atlases come to that.
 //!
-//! Glossy light is that of the lit texels, as sharp as those are fine: what is metal or polished sends on its diffuse colour alone:
-//! metal lights nothing, rooms with much of it are too dark, and mirrored metal is dark.
+//! Glossy light is that of the lit texels, as sharp as those are fine. What is metal or polished lights others, and is mirrored, by its base
+//! colour and by what it reflects at its surface before that, as if it were matt.
 
 mod display;
 mod hull;
 mod object;
 mod passes;
 mod pipelines;
+mod pixels;
 mod prepare;
 mod settings;
 mod surfaces;
@@ -85,8 +90,12 @@ use crate::compose::ViewPass;
 use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 use crate::recovery::{forget_components, forget_resource};
+use crate::view::prepare_view_textures;
 
 pub use bevy_bounce_shaders::types::CSSM_OBJECTS as MOST_OBJECTS;
+pub(crate) use passes::Pixels;
+pub(crate) use pipelines::pixel_kernel;
+pub(crate) use pixels::PixelLight;
 pub(crate) use prepare::Baked;
 pub use settings::{CssmFilter, CssmSettings};
 pub use surfaces::surfaces;
@@ -135,10 +144,17 @@ impl Plugin for CssmPlugin {
             .init_resource::<prepare::PreparedBakes>()
             .add_systems(
                 RenderStartup,
-                (pipelines::init_pipelines, forget_resource::<Baked>, forget_components::<prepare::CssmViewUniform>),
+                (pipelines::init_pipelines, forget_resource::<Baked>, forget_components::<PixelLight>),
             )
             .add_systems(ExtractSchedule, (object::extract_cameras, object::extract_objects).chain())
-            .add_systems(Render, (prepare::prepare_light, prepare::prepare_views).in_set(GiSystems::Prepare))
+            .add_systems(Render, prepare::prepare_light.in_set(GiSystems::Prepare))
+            .add_systems(
+                Render,
+                pixels::prepare_pixels
+                    .in_set(GiSystems::Prepare)
+                    .after(prepare::prepare_light)
+                    .after(prepare_view_textures),
+            )
             .add_systems(RenderGraph, passes::light_texels.in_set(GiSystems::Cssm))
             .add_systems(Core3d, passes::light_pixels.in_set(ViewPass::Shade));
     }

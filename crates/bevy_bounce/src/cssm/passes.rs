@@ -10,9 +10,10 @@ use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 
 use super::pipelines::{CssmPipelines, bind_maps};
-use super::prepare::{Baked, CssmViewUniform};
+use super::pixels::PixelLight;
+use super::prepare::Baked;
 use crate::Technique;
-use crate::compute::{folded, whole};
+use crate::compute::{Kernel, folded, whole};
 use crate::scene::SceneBuffers;
 use crate::view::{GiView, ViewTextures};
 
@@ -135,45 +136,72 @@ pub(super) fn light_texels(
     baked.times_lit += 1;
 }
 
+/// What kernels over the pixels of a view read and write.
+pub(crate) struct Pixels<'a> {
+    pub baked: &'a Baked,
+    pub light: &'a PixelLight,
+    /// The view's uniform.
+    pub view: BindingResource<'a>,
+    pub textures: &'a ViewTextures,
+    pub prepass: &'a ViewPrepassTextures,
+}
+
+impl Pixels<'_> {
+    /// Whether glossy light is gathered, too.
+    pub fn are_glossy(&self) -> bool {
+        self.textures.glossy.is_some() && self.prepass.deferred_view().is_some()
+    }
+
+    /// Groups of a kernel, with what glossy light needs or without; nothing while texels are not lit.
+    pub fn groups(
+        &self,
+        kernel: &Kernel,
+        glossy: bool,
+        device: &RenderDevice,
+        cache: &PipelineCache,
+    ) -> Option<[BindGroup; 2]> {
+        let baked = self.baked;
+        if !baked.is_lit() {
+            return None;
+        }
+        let mut bindings = vec![
+            whole(&baked.texels),
+            baked.bakes.binding()?,
+            whole(&baked.tree),
+            whole(&baked.powers),
+            self.light.settings.binding()?,
+            self.view.clone(),
+            BindingResource::TextureView(&self.textures.surface),
+            BindingResource::TextureView(&self.textures.indirect),
+            whole(&self.light.kept),
+        ];
+        if glossy {
+            bindings.push(BindingResource::TextureView(self.prepass.deferred_view()?));
+            bindings.push(BindingResource::TextureView(self.textures.glossy.as_ref()?));
+        }
+        Some([kernel.bind(device, cache, &bindings), bind_maps(baked, device, cache)])
+    }
+}
+
 /// The final gather of a view into `indirect`, and into `glossy` where there is such light.
 pub(super) fn light_pixels(
-    view: ViewQuery<(&GiView, &CssmViewUniform, &ViewTextures, &ViewPrepassTextures, &ViewUniformOffset)>,
+    view: ViewQuery<(&GiView, &PixelLight, &ViewTextures, &ViewPrepassTextures, &ViewUniformOffset)>,
     baked: Option<Res<Baked>>,
     pipelines: Option<Res<CssmPipelines>>,
     view_uniforms: Res<ViewUniforms>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (gi, settings, textures, prepass, offset) = view.into_inner();
-    let (Some(baked), Some(p), Some(view_buffer)) = (baked, pipelines, view_uniforms.uniforms.buffer()) else { return };
-    let is_lit = baked.wanted.is_some() && baked.wanted == baked.solved;
-    if gi.technique != Technique::SurfaceRadiosity || !is_lit {
+    let (gi, light, textures, prepass, offset) = view.into_inner();
+    let (Some(baked), Some(p), Some(buffer)) = (baked, pipelines, view_uniforms.uniforms.buffer()) else { return };
+    if gi.technique != Technique::SurfaceRadiosity {
         return;
     }
-    let (Some(bakes), Some(settings)) = (baked.bakes.binding(), settings.0.binding()) else { return };
-    let view_uniform = BindingResource::Buffer(BufferBinding {
-        buffer: view_buffer,
-        offset: offset.offset.into(),
-        size: Some(ViewUniform::min_size()),
-    });
-    let mut bindings = vec![
-        whole(&baked.texels),
-        bakes,
-        whole(&baked.tree),
-        whole(&baked.powers),
-        settings,
-        view_uniform,
-        BindingResource::TextureView(&textures.surface),
-        BindingResource::TextureView(&textures.indirect),
-    ];
-    let kernels = p.gather(baked.count());
-    let mut kernel = &kernels.pixels;
-    if let (Some(glossy), Some(deferred)) = (&textures.glossy, prepass.deferred_view()) {
-        bindings.extend([BindingResource::TextureView(deferred), BindingResource::TextureView(glossy)]);
-        kernel = &kernels.glossy_pixels;
-    }
-    let group = kernel.bind(ctx.render_device(), &cache, &bindings);
-    let maps = bind_maps(&baked, ctx.render_device(), &cache);
+    let view = BufferBinding { buffer, offset: offset.offset.into(), size: Some(ViewUniform::min_size()) };
+    let pixels = Pixels { baked: &baked, light, view: BindingResource::Buffer(view), textures, prepass };
+    let (kernels, glossy) = (p.gather(baked.count()), pixels.are_glossy());
+    let kernel = if glossy { &kernels.glossy_pixels } else { &kernels.pixels };
+    let Some([group, maps]) = pixels.groups(kernel, glossy, ctx.render_device(), &cache) else { return };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();

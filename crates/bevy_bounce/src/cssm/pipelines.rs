@@ -5,7 +5,8 @@ use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_storage_2d, uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
-    BindGroup, BindGroupLayoutDescriptor, PipelineCache, StorageTextureAccess, TextureFormat, TextureSampleType,
+    BindGroup, BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, PipelineCache, StorageTextureAccess,
+    TextureFormat, TextureSampleType,
 };
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderDefVal;
@@ -51,6 +52,32 @@ fn maps_layout() -> BindGroupLayoutDescriptor {
     group_layout("bounce_cssm_maps", &[read, read, read, read])
 }
 
+/// Group 0 of kernels over the pixels of a view: texels, bakes; tree, nodes' light, settings; view, surface; light,
+/// what is kept of it. With glossy light also the G-buffer, and that light.
+fn pixel_bindings(glossy: bool) -> Vec<BindGroupLayoutEntryBuilder> {
+    let (uniform, read) = (uniform_buffer_sized(false, None), storage_buffer_read_only_sized(false, None));
+    let surface = texture_2d(TextureSampleType::Uint);
+    let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
+    let kept = storage_buffer_sized(false, None);
+    let mut bindings = vec![read, uniform, read, read, uniform, uniform, surface, output, kept];
+    bindings.extend(glossy.then_some([surface, output]).into_iter().flatten());
+    bindings
+}
+
+/// A kernel that binds [`Pixels`](super::Pixels).
+pub(crate) fn pixel_kernel(
+    path: &'static str,
+    entry: &'static str,
+    defs: &[&str],
+    glossy: bool,
+    cache: &PipelineCache,
+    shaders: &GiShaders,
+) -> Kernel {
+    let defs = defs.iter().copied().chain(glossy.then_some("GLOSSY")).map(ShaderDefVal::from).collect();
+    let (bindings, groups) = (&pixel_bindings(glossy), &[maps_layout()]);
+    Kernel::new(cache, shaders, KernelDescriptor { path, entry, bindings, groups, defs })
+}
+
 /// The bakes' maps as group 1.
 pub(super) fn bind_maps(baked: &Baked, device: &RenderDevice, cache: &PipelineCache) -> BindGroup {
     let [a, b, c] = &baked.pages;
@@ -61,8 +88,6 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let uniform = uniform_buffer_sized(false, None);
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
-    let surface = texture_2d(TextureSampleType::Uint);
-    let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
     let kernel_with = |path, entry, bindings: &[_], groups: &[_], defs| {
         Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
     };
@@ -76,14 +101,13 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let hierarchy = [read, uniform, read, write, read, read, uniform];
     // Texels, bakes; tree, nodes' light, settings; irradiance.
     let bounce = [read, uniform, read, read, uniform, write];
-    // The same; view, surface; light; G-buffer, glossy light.
-    let pixels = [read, uniform, read, read, uniform, uniform, surface, output, surface, output];
     let gather = |defs: &[&str]| {
-        let with = |more: &[&str]| defs.iter().chain(more).map(|def| ShaderDefVal::from(*def)).collect();
+        let pixels = |glossy| pixel_kernel("cssm/pixels.wgsl", "pixels", defs, glossy, &cache, &shaders);
+        let of_bounce = defs.iter().map(|def| ShaderDefVal::from(*def)).collect();
         GatherKernels {
-            bounce: kernel_with("cssm/bounce.wgsl", "bounce", &bounce, &maps, with(&[])),
-            pixels: kernel_with("cssm/pixels.wgsl", "pixels", &pixels[..8], &maps, with(&[])),
-            glossy_pixels: kernel_with("cssm/pixels.wgsl", "pixels", &pixels, &maps, with(&["GLOSSY"])),
+            bounce: kernel_with("cssm/bounce.wgsl", "bounce", &bounce, &maps, of_bounce),
+            pixels: pixels(false),
+            glossy_pixels: pixels(true),
         }
     };
     commands.insert_resource(CssmPipelines {

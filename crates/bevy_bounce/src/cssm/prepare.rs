@@ -183,6 +183,11 @@ impl Baked {
         (baked, too_large)
     }
 
+    /// Whether the texels' light is that of this frame.
+    pub fn is_lit(&self) -> bool {
+        self.wanted.is_some() && self.wanted == self.solved
+    }
+
     /// Objects.
     pub fn count(&self) -> u32 {
         self.bakes.get().count
@@ -255,31 +260,5 @@ pub(super) fn prepare_light(
             queue.write_buffer(&baked.part_instances, 0, bytemuck::cast_slice(&slots));
         }
         baked.wanted = Some(state);
-    }
-}
-
-/// How the pixels of a view gather, on the GPU.
-#[derive(Component)]
-pub(super) struct CssmViewUniform(pub UniformBuffer<CssmGather>);
-
-pub(super) fn prepare_views(
-    mut commands: Commands,
-    mut views: Query<(Entity, &super::object::CssmView, Option<&mut CssmViewUniform>)>,
-    device: Res<RenderDevice>,
-    queue: Res<RenderQueue>,
-) {
-    for (entity, view, uniform) in &mut views {
-        match uniform {
-            Some(uniform) if *uniform.0.get() == view.0 => {}
-            Some(mut uniform) => {
-                uniform.0.set(view.0);
-                uniform.0.write_buffer(&device, &queue);
-            }
-            None => {
-                let mut uniform = UniformBuffer::from(view.0);
-                uniform.write_buffer(&device, &queue);
-                commands.entity(entity).insert(CssmViewUniform(uniform));
-            }
-        }
     }
 }

@@ -116,6 +116,8 @@ impl<'a> Words<'a> {
             csm_side: file.meta.csm_side,
             levels: tree.levels(),
             reach: tree.reach,
+            atlas_width: file.meta.atlas[0],
+            atlas_height: file.meta.atlas[1],
             first_texel: self.texels.add(&file.texels) / TEXEL_WORDS as u32,
             first_node: self.trees.add(tree.words.as_flattened()) / 4,
             directory: self.directory.add(&file.maps.directory),

@@ -1,5 +1,7 @@
 //! Pictures of what lies between the scene and its light, into the view's `indirect`, which has been composed by then.
 
+use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::ecs::system::SystemParam;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
@@ -13,28 +15,32 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 
-use crate::GiIsolate;
 use crate::avg::{VoxelGrid, bind_grid, grid_layout};
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, folded, whole};
+use crate::cssm::{Baked, PixelLight, Pixels, pixel_kernel};
 use crate::radiance_cache::{CacheBuffers, VoxelLight};
 use crate::shadow_atlas::ShadowAtlas;
 use crate::view::{GiView, ViewTextures};
 use crate::vpl::VplBuffers;
+use crate::{GiIsolate, Technique};
 
 /// Edge of a workgroup over pixels.
 const TILE: u32 = 8;
 
-/// Kernels of the pictures that were asked for.
+/// Threads of a workgroup over texels.
+const GROUP: u32 = 64;
+
+/// Kernels of the pictures that were asked for, and of those with glossy light.
 #[derive(Resource, Default)]
-pub(super) struct PictureKernels(HashMap<GiIsolate, Kernel>);
+pub(super) struct PictureKernels(HashMap<(GiIsolate, bool), Kernel>);
 
 impl PictureKernels {
-    fn get(&mut self, isolate: GiIsolate, cache: &PipelineCache, shaders: &GiShaders) -> &Kernel {
-        self.0.entry(isolate).or_insert_with(|| kernel(isolate, cache, shaders))
+    fn get(&mut self, isolate: GiIsolate, glossy: bool, cache: &PipelineCache, shaders: &GiShaders) -> &Kernel {
+        self.0.entry((isolate, glossy)).or_insert_with(|| kernel(isolate, glossy, cache, shaders))
     }
 }
 
-fn kernel(isolate: GiIsolate, cache: &PipelineCache, shaders: &GiShaders) -> Kernel {
+fn kernel(isolate: GiIsolate, glossy: bool, cache: &PipelineCache, shaders: &GiShaders) -> Kernel {
     let (uniform, read) = (uniform_buffer_sized(false, None), storage_buffer_read_only_sized(false, None));
     let picture = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
     let light = texture_3d(TextureSampleType::Float { filterable: false });
@@ -47,7 +53,11 @@ fn kernel(isolate: GiIsolate, cache: &PipelineCache, shaders: &GiShaders) -> Ker
     let alone = |path, entry, bindings: &[BindGroupLayoutEntryBuilder]| {
         Kernel::new(cache, shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
     };
+    let baked = |path, entry, defs| pixel_kernel(path, entry, defs, glossy, cache, shaders);
     match isolate {
+        GiIsolate::CutSize => baked("cssm/pixels.wgsl", "pixels", &["SEVERAL", "CUT"]),
+        GiIsolate::TreeLevels => baked("debug/tree.wgsl", "show_tree", &[]),
+        GiIsolate::BakedAtlas => baked("debug/baked_atlas.wgsl", "show_baked_atlas", &[]),
         GiIsolate::VoxelNormal => voxels(&[uniform, picture], &["VOXEL_NORMAL"]),
         GiIsolate::VoxelLight => voxels(&[uniform, picture, uniform, read, light, light, light], &["VOXEL_LIGHT"]),
         GiIsolate::ShadowAtlas => alone("debug/atlas.wgsl", "show_atlas", &[uniform, read, read, picture]),
@@ -62,6 +72,16 @@ fn texture(view: &TextureView) -> BindingResource<'_> {
     BindingResource::TextureView(view)
 }
 
+/// What is held for the whole world.
+#[derive(SystemParam)]
+pub(super) struct Held<'w> {
+    grid: Option<Res<'w, VoxelGrid>>,
+    light: Option<Res<'w, VoxelLight>>,
+    atlas: Option<Res<'w, ShadowAtlas>>,
+    vpl: Option<Res<'w, VplBuffers>>,
+    baked: Option<Res<'w, Baked>>,
+}
+
 /// What there is to show in a view; what there is not leaves the picture black.
 struct Shown<'a> {
     view: BindingResource<'a>,
@@ -71,9 +91,15 @@ struct Shown<'a> {
     atlas: Option<&'a ShadowAtlas>,
     vpl: Option<&'a VplBuffers>,
     caches: Option<&'a CacheBuffers>,
+    baked: Option<Pixels<'a>>,
 }
 
 impl Shown<'_> {
+    /// Whether a picture is another one with glossy light.
+    fn is_glossy(&self, isolate: GiIsolate) -> bool {
+        isolate == GiIsolate::CutSize && self.baked.as_ref().is_some_and(Pixels::are_glossy)
+    }
+
     /// Bindings of a picture's kernel, group by group, and how many workgroups draw it.
     fn groups(
         &self,
@@ -86,6 +112,15 @@ impl Shown<'_> {
         let tiles = self.textures.size.map(|pixels| pixels.div_ceil(TILE)).extend(1);
         let mut bindings = vec![self.view.clone(), picture.clone()];
         match isolate {
+            GiIsolate::CutSize | GiIsolate::TreeLevels | GiIsolate::BakedAtlas => {
+                let pixels = self.baked.as_ref()?;
+                let size = if isolate == GiIsolate::BakedAtlas {
+                    folded(pixels.baked.lights().div_ceil(GROUP))
+                } else {
+                    tiles
+                };
+                return Some((pixels.groups(kernel, self.is_glossy(isolate), device, cache)?.into(), size));
+            }
             GiIsolate::ShadowAtlas => {
                 let (atlas, vpl) = (self.atlas?, self.vpl?);
                 bindings = vec![atlas.parameters.binding()?, whole(&vpl.header), whole(&atlas.atlas), picture];
@@ -115,22 +150,21 @@ impl Shown<'_> {
     }
 }
 
+/// Bakes that a view is lit by.
+type BakedView = (&'static PixelLight, &'static ViewPrepassTextures);
+
 /// Draws the picture that the view asks for over its bounced light.
 pub(super) fn draw_picture(
-    view: ViewQuery<(&GiView, &ViewTextures, &ViewUniformOffset, Option<&CacheBuffers>)>,
+    view: ViewQuery<(&GiView, &ViewTextures, &ViewUniformOffset, Option<&CacheBuffers>, Option<BakedView>)>,
     mut kernels: ResMut<PictureKernels>,
     shaders: Res<GiShaders>,
     view_uniforms: Res<ViewUniforms>,
-    grid: Option<Res<VoxelGrid>>,
-    light: Option<Res<VoxelLight>>,
-    atlas: Option<Res<ShadowAtlas>>,
-    vpl: Option<Res<VplBuffers>>,
+    held: Held,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
-    let (gi, textures, offset, caches) = view.into_inner();
+    let (gi, textures, offset, caches, baked_view) = view.into_inner();
     let Some(buffer) = view_uniforms.uniforms.buffer().filter(|_| gi.isolate.is_picture()) else { return };
-    let kernel = kernels.get(gi.isolate, &cache, &shaders);
     let ops = Operations { load: LoadOp::Clear(LinearRgba::BLACK.into()), store: StoreOp::Store };
     ctx.begin_tracked_render_pass(RenderPassDescriptor {
         label: Some("bounce_clear_picture"),
@@ -143,15 +177,26 @@ pub(super) fn draw_picture(
         ..default()
     });
     let view = BufferBinding { buffer, offset: offset.offset.into(), size: Some(ViewUniform::min_size()) };
-    let shown = Shown {
-        view: BindingResource::Buffer(view),
+    let view = BindingResource::Buffer(view);
+    let baked_view = baked_view.filter(|_| gi.technique == Technique::SurfaceRadiosity);
+    let pixels = baked_view.zip(held.baked.as_deref()).map(|((light, prepass), baked)| Pixels {
+        baked,
+        light,
+        view: view.clone(),
         textures,
-        grid: grid.as_deref(),
-        light: light.as_deref(),
-        atlas: atlas.as_deref(),
-        vpl: vpl.as_deref(),
+        prepass,
+    });
+    let shown = Shown {
+        view,
+        textures,
+        grid: held.grid.as_deref(),
+        light: held.light.as_deref(),
+        atlas: held.atlas.as_deref(),
+        vpl: held.vpl.as_deref(),
         caches,
+        baked: pixels,
     };
+    let kernel = kernels.get(gi.isolate, shown.is_glossy(gi.isolate), &cache, &shaders);
     let Some((groups, size)) = shown.groups(gi.isolate, kernel, ctx.render_device(), &cache) else { return };
     kernel.dispatch(ctx.command_encoder(), &cache, &groups.iter().collect::<Vec<_>>(), size);
 }

@@ -6,7 +6,7 @@
 //!   they have no texels.
 //! - Double-sided surfaces have texels on both sides. All surfaces stop light from both sides.
 //! - Unlit surfaces stop light and reflect none.
-//! - A metal has no diffuse colour: the base colour is reduced by the metallic factor, unless a texture says how metallic.
+//! - A metal sends light on by its base colour, as if it were matt: what it mirrors lights others no less.
 
 use glam::{Affine2, Mat2, Vec2, Vec3, Vec4};
 use gltf::material::AlphaMode;
@@ -22,7 +22,7 @@ const LONGEST_MASK: u32 = 4096;
 /// What a surface reflects, linear, and where it is.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// Colour already reduced by how metallic the surface is, and alpha.
+    /// Colour and alpha.
     pub factor: Vec4,
     /// What the factor is multiplied with.
     pub picture: Option<Picture>,
@@ -57,10 +57,8 @@ pub struct Picture {
 impl Material {
     pub(super) fn read(material: &gltf::Material, source: &Source, buffers: &[Vec<u8>]) -> Result<Self, String> {
         let pbr = material.pbr_metallic_roughness();
-        // Where a texture says how metallic a surface is, the factor alone says nothing.
-        let metallic = if pbr.metallic_roughness_texture().is_some() { 0.0 } else { pbr.metallic_factor() };
-        let diffuse = if material.unlit() { 0.0 } else { 1.0 - metallic };
-        let factor = Vec4::from(pbr.base_color_factor()) * Vec3::splat(diffuse).extend(1.0);
+        let reflects = if material.unlit() { 0.0 } else { 1.0 };
+        let factor = Vec4::from(pbr.base_color_factor()) * Vec3::splat(reflects).extend(1.0);
         let cutoff = match material.alpha_mode() {
             AlphaMode::Mask => material.alpha_cutoff().unwrap_or(0.5),
             AlphaMode::Opaque | AlphaMode::Blend => 0.0,

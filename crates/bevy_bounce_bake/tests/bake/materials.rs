@@ -130,6 +130,17 @@ fn light_passes_the_holes_of_a_masked_surface() {
     assert!(texels(&baked(&all), 1.0, -1.0).is_empty());
 }
 
+/// Whatever it mirrors, a metal lights others by its base colour.
+#[test]
+fn metal_has_its_base_color() {
+    for metallic in [0.0, 1.0] {
+        let color = json!({ "baseColorFactor": [0.5, 0.25, 1.0, 1.0], "metallicFactor": metallic });
+        let file = baked(&sandwich(&json!({ "pbrMetallicRoughness": color }), None));
+        let middle = texels(&file, 1.0, -1.0);
+        assert!(!middle.is_empty() && middle.iter().all(|texel| texel.diffuse == [0.5, 0.25, 1.0]), "{middle:?}");
+    }
+}
+
 #[test]
 fn what_light_passes_is_not_there() {
     for material in [

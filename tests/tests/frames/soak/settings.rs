@@ -27,11 +27,11 @@ pub fn illumination(random: &mut Rng) -> GlobalIllumination {
 /// What a picture holds.
 pub fn isolate(random: &mut Rng) -> GiIsolate {
     use GiIsolate::{
-        All, Bounded, Clusters, Direct, Glossy, Indirect, Irradiance, Residual, ShadowAtlas, Split, VoxelAlbedo,
-        VoxelLight, VoxelNormal,
+        All, BakedAtlas, Bounded, Clusters, CutSize, Direct, Glossy, Indirect, Irradiance, Residual, ShadowAtlas,
+        Split, TreeLevels, VoxelAlbedo, VoxelLight, VoxelNormal,
     };
     let light = [All, All, All, All, Direct, Indirect, Bounded, Residual, Split, Glossy, Irradiance];
-    let pictures = [VoxelAlbedo, VoxelNormal, VoxelLight, ShadowAtlas, Clusters];
+    let pictures = [VoxelAlbedo, VoxelNormal, VoxelLight, ShadowAtlas, Clusters, CutSize, TreeLevels, BakedAtlas];
     one_of(random, &[&light[..], &pictures].concat())
 }
 

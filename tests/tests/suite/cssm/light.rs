@@ -209,6 +209,39 @@ fn without_a_threshold_every_texel_counts() {
     assert!(error < 0.1 * sum && rough_cut < 0.8 * cut);
 }
 
+/// A cut's light is right in the mean where some texels are bright and others hidden: with lamps that cast shadows, each receiver sees
+/// those that are lit more than those that are not.
+#[test]
+fn coarse_cuts_lose_no_light() {
+    let file = cornell_box();
+    let texels = texels(file);
+    let lamps = lights(file);
+    let sent: Vec<Vec3> = texels
+        .iter()
+        .map(|texel| Vec3::from(texel.diffuse) * direct(file, texel, &lamps) / std::f32::consts::PI)
+        .collect();
+    let groups = [texels.len().div_ceil(64) as u32, 1, 1];
+    let gathered = |threshold: f32| {
+        let lit = with_light(&[(file, Affine3A::IDENTITY)], &sent, threshold);
+        run(gpu(), "cssm/bounce.wgsl", "bounce", &lit, groups);
+        let floats = lit.read_floats("gathered").expect("reads back");
+        let texel_light = |(texel, [r, g, b, cut]): (&Texel, &[f32; 4])| {
+            let area = f64::from(texel.area);
+            [area * f64::from(r + g + b), f64::from(*cut)]
+        };
+        let all: Vec<[f64; 2]> = texels.iter().zip(floats.as_chunks().0).map(texel_light).collect();
+        all.iter().fold([0.0; 2], |[light, cut], [l, c]| [light + l, cut + c / texels.len() as f64])
+    };
+    let [exact, all] = gathered(0.0);
+    let mean = exact / texels.iter().map(|texel| f64::from(texel.area)).sum::<f64>() / 3.0;
+    for share in [0.02, 0.1, 0.5] {
+        let [light, cut] = gathered((share * mean) as f32);
+        println!("threshold {share} of the mean: {:.4} of the light, cuts of {cut:.0} of {all:.0}", light / exact);
+        assert!((light / exact - 1.0).abs() < 0.01, "{} of the light", light / exact);
+        assert!(cut < 0.8 * all);
+    }
+}
+
 /// A block in the room, another of the same bake beside it, and one before the open side.
 #[test]
 fn objects_light_and_hide_each_other() {

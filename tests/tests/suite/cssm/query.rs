@@ -15,7 +15,7 @@ const BATCH: usize = 1 << 18;
 
 const QUERY: &str = "
 #import bevy_bounce::cssm::maps::reads
-#import bevy_bounce::cssm::query::{is_between, is_seen_from_outside, sight, visibility}
+#import bevy_bounce::cssm::query::{is_between, is_seen_from_outside, sight, visibility, STRAIGHT}
 #import bevy_bounce::cssm::texels::{bakes, load_texel}
 
 // Texel, then the point.
@@ -35,9 +35,9 @@ fn ask(@builtin(global_invocation_id) id: vec3<u32>) {
     // The slot in the texel's record counts, too.
     let count = reads + 1u;
     let filtered = visibility(0u, texel, point, true);
-    let outside = is_seen_from_outside(0u, texel.position, texel.position - point);
+    let outside = is_seen_from_outside(0u, texel.position, texel.position - point, STRAIGHT);
     let far = texel.position + (texel.position - bakes.objects[0].csm_center);
-    let between = is_between(0u, point, far);
+    let between = is_between(0u, point, far, STRAIGHT);
     let sees = sight(0u, texel, bakes.objects[0].csm_center + (point - bakes.objects[0].csm_center) * 2.0, false) > 0.0;
     let flags = u32(seen) | (u32(outside) << 1u) | (u32(between) << 2u) | (u32(sees) << 3u);
     answers[id.x] = vec4<u32>(flags, bitcast<u32>(filtered), 0u, count);

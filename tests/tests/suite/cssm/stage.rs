@@ -51,6 +51,27 @@ fn cornell_box_equals_its_reference() {
     }
 }
 
+/// `tests/data/cornell_box.N.indirect.exr` are path-traced with so many bounces.
+#[test]
+fn every_bounce_equals_its_reference() {
+    let bounds = Bounds { energy: Some((0.95, 1.05)), low: Some(0.12), flip: Some(0.08), nrmse: None };
+    let mut stage = cornell();
+    let references = [1, 2, 3].map(|bounces| {
+        let file = committed_file(&format!("cornell_box.{bounces}.indirect.exr"));
+        Picture::load(&file).unwrap_or_else(|error| panic!("{error}"))
+    });
+    for (bounces, reference) in (1..).zip(&references) {
+        let cssm = CssmSettings { error: 2.0, ..CssmSettings::DEFAULT };
+        stage.light_by(radiosity(GiSettings { bounces, cssm, ..SMALL }));
+        let picture = stage.settled_picture();
+        let metrics = compare(&picture, reference, &bounds).unwrap_or_else(|error| panic!("{bounces}: {error}"));
+        println!("{bounces}: {metrics:?}");
+        for other in references.iter().filter(|other| *other != reference) {
+            compare(&picture, other, &bounds).expect_err("the bounds are too wide to tell");
+        }
+    }
+}
+
 #[test]
 fn frames_are_the_same_to_the_byte_and_follow_every_change() {
     let mut stage = cornell();
@@ -102,8 +123,44 @@ fn frames_are_the_same_to_the_byte_and_follow_every_change() {
     assert!(first == stage.settled_picture(), "emission left something behind");
 }
 
+/// While everything rests the mean of many frames is shown, which is closer to the light than each; then nothing changes any more.
+#[test]
+fn what_rests_is_averaged() {
+    let settings = |error, history| GiSettings {
+        cssm: CssmSettings { error, ..CssmSettings::DEFAULT },
+        history,
+        bounces: 1,
+        ..SMALL
+    };
+    let mut stage = cornell();
+    stage.light_by(radiosity(settings(0.5, 0)));
+    let exact = stage.settled_picture();
+    let coarse = settings(64.0, 8);
+    stage.light_by(radiosity(coarse));
+    stage.settled_picture();
+    let first = |stage: &mut Stage| {
+        stage.light_by(GlobalIllumination { reset: true, ..radiosity(coarse) });
+        stage.picture()
+    };
+    let one = first(&mut stage);
+    (0..240).for_each(|_| stage.frame(Duration::ZERO));
+    let mean = stage.picture();
+    let [noise, left] = [&one, &mean].map(|picture| Metrics::new(picture, &exact).expect("sizes are equal"));
+    println!("one frame {noise:?}, many {left:?}");
+    assert!(left.nrmse < 0.4 * noise.nrmse && (left.energy - 1.0).abs() < 0.01, "{left:?} is no better than {noise:?}");
+    assert!(mean == stage.picture(), "it does not come to rest");
+    assert!(first(&mut stage) == one, "a reset leaves something of the last frames");
+    // Light that changes is not averaged with what it was.
+    (0..8).for_each(|_| stage.frame(Duration::ZERO));
+    let lamp = lamp(&mut stage);
+    if let Some(mut light) = stage.world().get_mut::<SpotLight>(lamp) {
+        light.intensity = 0.0;
+    }
+    assert_eq!(stage.picture().mean_luminance(), 0.0, "light of the last frames is left");
+}
+
 /// A closed box of a size and albedo, seen from within.
-fn box_bake(albedo: f32, atlas: u32) -> CssmFile {
+pub(super) fn box_bake(albedo: f32, atlas: u32) -> CssmFile {
     let corners = cuboid(Vec3::splat(-1.5), Vec3::splat(1.5)).map(|[a, b, c]| [a, c, b]);
     let indices = (0..12).map(|triangle| [3 * triangle, 3 * triangle + 1, 3 * triangle + 2]).collect();
     let positions = corners.as_flattened().iter().map(|p| p.to_array().into()).collect();
@@ -111,6 +168,11 @@ fn box_bake(albedo: f32, atlas: u32) -> CssmFile {
     scene.materials[0].factor = Vec3::splat(albedo).extend(1.0);
     let settings = bake::BakeSettings { atlas, depth: 32, ..Default::default() };
     bake::bake(&scene, &settings, &()).unwrap_or_else(|error| panic!("{error}")).0
+}
+
+/// The camera within such a box.
+pub(super) fn furnace_eye() -> Transform {
+    Transform::from_xyz(0.3, 0.2, 1.2).looking_at(Vec3::new(-0.2, -0.1, -1.5), Vec3::Y)
 }
 
 /// A box whose walls emit and reflect, with that place in the world.
@@ -144,8 +206,7 @@ pub(super) fn furnace(emitted: f32, albedo: f32, place: Transform, atlas: u32, b
                     CssmPart(0),
                     place,
                 ));
-                let eye = Transform::from_xyz(0.3, 0.2, 1.2).looking_at(Vec3::new(-0.2, -0.1, -1.5), Vec3::Y);
-                commands.spawn((Camera3d::default(), Exposure { ev100: 4.0 }, place * eye));
+                commands.spawn((Camera3d::default(), Exposure { ev100: 4.0 }, place * furnace_eye()));
             },
         );
     })
