@@ -32,7 +32,7 @@ fn frames_beside_those_of_the_paper() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../assets/cornell_box.glb");
     let bake = baked(&path);
     let of_size = |size| Stage::of_asset("cornell_box.glb", run(size, Some(radiosity(1))), true, Some(bake.clone()));
-    // How many nodes a pixel gathers from does not depend on how many pixels there are.
+    // How long texels take, and how many nodes a pixel gathers from, does not depend on how many pixels there are.
     let (mut stage, mut small) = (of_size(SIZE), of_size(SIZE / 5));
     println!("| bounces | texels, s | pixels, s | nodes a pixel | visibility tests a second |");
     println!("|---|---|---|---|---|");
@@ -40,13 +40,17 @@ fn frames_beside_those_of_the_paper() {
         stage.light_by(radiosity(bounces));
         stage.picture();
         let pixels = seconds(&mut stage);
-        let lamp = stage.only::<SpotLight>();
-        if let Some(mut light) = stage.world().get_mut::<SpotLight>(lamp) {
+        small.light_by(radiosity(bounces));
+        small.picture();
+        let few_pixels = seconds(&mut small);
+        let lamp = small.only::<SpotLight>();
+        if let Some(mut light) = small.world().get_mut::<SpotLight>(lamp) {
             light.intensity *= 1.001;
         }
-        let texels = seconds(&mut stage) - pixels;
-        small.light_by(radiosity(bounces));
+        let texels = seconds(&mut small) - few_pixels;
         let cuts = shown(&mut small, GiIsolate::CutSize);
+        let camera = small.only::<Camera3d>();
+        small.world().entity_mut(camera).insert(GiIsolate::Indirect);
         let nodes = cuts.pixels.iter().map(|pixel| f64::from(count_of(*pixel))).sum::<f64>() / cuts.pixels.len() as f64;
         let tests = nodes * f64::from(SIZE.element_product()) / pixels;
         println!("| {bounces} | {texels:.2} | {pixels:.2} | {nodes:.0} | {tests:.2e} |");
