@@ -7,14 +7,21 @@ use crate::Result;
 use crate::process::{build_example, graphics, root, run};
 use crate::setup::setup;
 
-/// File name without extension, example, its options.
-const PICTURES: [(&str, &str, &[&str]); 6] = [
-    ("cornell_animated", "cornell_animated", &["--time", "2", "--frames", "1"]),
-    ("moving_lamp", "moving_lamp", &["--time", "2", "--frames", "1"]),
-    ("u_room", "u_room", &[]),
-    ("cornell_direct", "viewer", &["--isolate", "direct"]),
-    ("cornell_indirect", "viewer", &["--isolate", "indirect"]),
-    ("cornell_all", "viewer", &[]),
+const LARGE: &str = "640x360";
+/// A picture of a film strip.
+const SMALL: &str = "288x162";
+
+/// File name without extension, example, size in pixels, other options.
+const PICTURES: [(&str, &str, &str, &[&str]); 9] = [
+    ("cornell_animated", "cornell_animated", LARGE, &["--time", "2", "--frames", "1"]),
+    ("moving_lamp_1", "moving_lamp", SMALL, &["--time", "7.5", "--frames", "1"]),
+    ("moving_lamp_2", "moving_lamp", SMALL, &["--time", "9", "--frames", "1"]),
+    ("moving_lamp_3", "moving_lamp", SMALL, &["--time", "10.5", "--frames", "1"]),
+    ("moving_lamp_4", "moving_lamp", SMALL, &["--time", "12", "--frames", "1"]),
+    ("u_room", "u_room", LARGE, &[]),
+    ("cornell_direct", "viewer", LARGE, &["--isolate", "direct"]),
+    ("cornell_indirect", "viewer", LARGE, &["--isolate", "indirect"]),
+    ("cornell_all", "viewer", LARGE, &[]),
 ];
 
 /// Renders all of them, or those named, into `assets/readme`.
@@ -25,12 +32,12 @@ pub fn pictures(names: &[String]) -> Result<()> {
     setup()?;
     let folder = root().join("assets/readme");
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-    for (name, example, options) in PICTURES {
+    for (name, example, size, options) in PICTURES {
         if !names.is_empty() && !names.iter().any(|given| given == name) {
             continue;
         }
         let mut command = Command::new(build_example(example, false)?);
-        command.args(["--output", &format!("assets/readme/{name}.png"), "--size", "640x360"]);
+        command.args(["--output", &format!("assets/readme/{name}.png"), "--size", size]);
         command.args(options).current_dir(root());
         graphics(&mut command);
         run(&mut command)?;

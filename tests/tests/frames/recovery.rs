@@ -22,6 +22,8 @@ const SIZE: UVec2 = UVec2::new(64, 36);
 const FRAMES: usize = 3;
 /// Frames that history averages over.
 const HISTORY: u32 = 8;
+/// Frames of which baked light is the mean while everything rests.
+const RESTING: u32 = 64;
 
 /// Everything that keeps something on the GPU.
 fn everything() -> GiSettings {
@@ -62,9 +64,12 @@ fn lose_device(stage: &mut Stage) {
     assert!(render_device(stage).map(|ticks| ticks.changed) != lost, "no other device after {FRAMES} frames");
 }
 
-/// Frames until scene, probes and history are as they were.
+/// Frames until scene, probes, history and baked light that rests are as they were.
 fn settle(stage: &mut Stage) {
-    (0..2 * HISTORY).for_each(|_| stage.frame(Duration::ZERO));
+    let camera = stage.only::<Camera3d>();
+    let technique = stage.world().get::<GlobalIllumination>(camera).map(|light| light.technique);
+    let resting = if technique == Some(Technique::SurfaceRadiosity) { RESTING } else { 0 };
+    (0..2 * HISTORY + resting).for_each(|_| stage.frame(Duration::ZERO));
 }
 
 fn recovers(stage: &mut Stage, name: &str) {
