@@ -325,9 +325,9 @@ impl Vpl {
 /// Most workgroups of a dispatch along an axis, WebGPU's default limit; a longer row is folded into the second axis.
 pub const MAX_WORKGROUPS: u32 = 65535;
 
-/// Words known of a brick of the grid: vertices of paths; lights times 2^15; the first light filed under it, counted from 1; candidates
+/// Words known of a brick of the grid: lights times 2^15; the first light filed under it, counted from 1; candidates
 /// whose light falls into it, and of these those whose light meets something from there.
-pub const BRICK_WORDS: u32 = 5;
+pub const BRICK_WORDS: u32 = 4;
 /// Places of which a path from a directional light starts at one.
 pub const CANDIDATES: u32 = 8;
 /// Words a virtual light has for what its path met: distance and normal; the next light of its brick, counted from 1.
@@ -384,6 +384,9 @@ pub struct VplParameters {
 
 /// Bits of each coordinate of a place on a Hilbert curve.
 pub const HILBERT_BITS: u32 = 7;
+
+/// Steps of the error of a node of the tree over the vertices: 32 an octave. See `vpl/cuts.wgsl`.
+pub const NODE_STEPS: u32 = 1024;
 
 /// Pairs that one workgroup sorts.
 pub const SORT_BLOCK: u32 = 1024;

@@ -6,7 +6,7 @@
 #import bevy_bounce::shared::groups::exclusive_scan
 #import bevy_bounce::shared::grid::{Grid, grid_level, level_at, facing_of}
 #import bevy_bounce::shared::hilbert::{hilbert_index, HILBERT_BITS}
-#import bevy_bounce::vpl::types::{Vpl, Path, VplParameters, vertex_slot}
+#import bevy_bounce::vpl::types::{Vpl, Path, VplParameters, first_key_of_grid, vertex_slot}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> grid: Grid;
@@ -18,7 +18,6 @@
 @group(0) @binding(5) var<storage, read_write> pairs: array<vec2<u32>>;
 
 const GROUP: u32 = 256u;
-const FACINGS: u32 = 6u;
 
 @compute @workgroup_size(256)
 fn scan_paths(@builtin(local_invocation_index) lane: u32) {
@@ -49,7 +48,8 @@ fn key(vpl: Vpl) -> u32 {
         // that it brings nothing together that lies apart.
         cell = floor(fract(vpl.position / (2.0 * edge)) * cells);
     }
-    return (((index * FACINGS) + facing_of(vpl.normal)) << (3u * HILBERT_BITS)) | hilbert_index(vec3<u32>(cell));
+    let place = hilbert_index(vec3<u32>(cell));
+    return first_key_of_grid(index) + ((facing_of(vpl.normal) << (3u * HILBERT_BITS)) | place);
 }
 
 @compute @workgroup_size(64)

@@ -1,11 +1,13 @@
 // Where paths start: at a light chosen in proportion to its power; those of directional lights in the shadow of the regions.
+//
+// Cost: a binary search through the lights or the emitters, and a load a region.
 
 #define_import_path bevy_bounce::vpl::starts
 
 #import bevy_bounce::shared::rays::grid
 #import bevy_bounce::shared::sampling::sample_square
-#import bevy_bounce::shared::scene::{Light, Scene, Region, projected_area, LIGHT_DIRECTIONAL, CHUNK_TRIANGLES}
-#import bevy_bounce::vpl::types::{Emitter, VplParameters, CANDIDATES}
+#import bevy_bounce::shared::scene::{Light, Scene, Region, projected_area, CHUNK_TRIANGLES}
+#import bevy_bounce::vpl::types::{Emitter, VplParameters}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<uniform> scene: Scene;
@@ -55,13 +57,20 @@ fn sky_power() -> f32 {
     return lights[scene.light_count + scene.sky_count - 1u].cumulative_power;
 }
 
-// The first of some lights whose running sum lies beyond `power`.
-fn find_light(power: f32, first: u32, count: u32) -> u32 {
+fn cumulative_power(is_emitter: bool, index: u32) -> f32 {
+    if is_emitter {
+        return emitters[index].cumulative_power;
+    }
+    return lights[index].cumulative_power;
+}
+
+// The first of some lights or emitters whose running sum lies beyond `power`.
+fn find(is_emitter: bool, power: f32, first: u32, count: u32) -> u32 {
     var low = first;
     var high = first + count - 1u;
     while low < high {
         let middle = (low + high) / 2u;
-        if lights[middle].cumulative_power > power {
+        if cumulative_power(is_emitter, middle) > power {
             high = middle;
         } else {
             low = middle + 1u;
@@ -81,26 +90,14 @@ fn source_of(path: u32) -> Source {
     }
     if sky > 0.0 && pick >= scene.light_power + emissive {
         let first = scene.light_count;
-        return Source(true, false, find_light(pick - scene.light_power - emissive, first, scene.sky_count), first, total);
+        let index = find(false, pick - scene.light_power - emissive, first, scene.sky_count);
+        return Source(true, false, index, first, total);
     }
     if emissive > 0.0 && pick >= scene.light_power {
-        return Source(true, true, find_emitter(pick - scene.light_power), 0u, total);
+        let index = find(true, pick - scene.light_power, 0u, scene.emissive_chunk_count * CHUNK_TRIANGLES);
+        return Source(true, true, index, 0u, total);
     }
-    return Source(true, false, find_light(pick, 0u, scene.light_count), 0u, total);
-}
-
-fn find_emitter(power: f32) -> u32 {
-    var low = 0u;
-    var high = scene.emissive_chunk_count * CHUNK_TRIANGLES - 1u;
-    while low < high {
-        let middle = (low + high) / 2u;
-        if emitters[middle].cumulative_power > power {
-            high = middle;
-        } else {
-            low = middle + 1u;
-        }
-    }
-    return low;
+    return Source(true, false, find(false, pick, 0u, scene.light_count), 0u, total);
 }
 
 // Projected areas of the faces of a box that are turned to a light.
@@ -118,9 +115,9 @@ fn weighted_area(light: Light) -> f32 {
     return sum;
 }
 
-// Sum of the weights of the regions that a line along the light goes through: of their lit areas, times this, paths have their
-// starts.
-fn start_density(light: Light, point: vec3<f32>) -> f32 {
+// Sum of the weights of the regions that a line along the light goes through, `through` among them: of their lit areas, times
+// this, paths have their starts.
+fn start_density(light: Light, point: vec3<f32>, through: u32) -> f32 {
     if scene.region_count == 1u {
         return scene.regions[0].weight;
     }
@@ -133,7 +130,8 @@ fn start_density(light: Light, point: vec3<f32>) -> f32 {
         let low = min(a, b);
         let high = max(a, b);
         let is_met = max(low.x, max(low.y, low.z)) <= min(high.x, min(high.y, high.z));
-        density += select(0.0, scene.regions[i].weight, is_met);
+        // Rounding may lead past the edge of the one that the line was chosen in.
+        density += select(0.0, scene.regions[i].weight, is_met || i == through);
     }
     return density;
 }

@@ -23,7 +23,7 @@
     weighted_area, DIMENSION_LIGHT, DIMENSION_POSITION, DIMENSION_DIRECTION, DIMENSION_BOUNCE, PATH_GAP,
 }
 #import bevy_bounce::vpl::types::{
-    Vpl, Path, MET, BRICK_WORDS, BRICK_VERTICES, BRICK_TRIED, BRICK_ONWARD, CANDIDATES, SETTLE_RANGE, vertex_slot, pack_incoming,
+    Vpl, Path, MET, BRICK_WORDS, BRICK_TRIED, BRICK_ONWARD, CANDIDATES, SETTLE_RANGE, vertex_slot, pack_incoming,
 }
 
 // Path by path, `max_bounces` + 1 slots each.
@@ -115,10 +115,11 @@ fn start_directional(photon: ptr<function, Photon>, light: Light, path: u32, wei
             chosen = own;
         }
     }
-    (*photon).position = start_on_region(light, choose_region(light, path), path, candidate);
+    let region = choose_region(light, path);
+    (*photon).position = start_on_region(light, region, path, candidate);
     (*photon).direction = light.direction;
     let mean = sum / f32(CANDIDATES);
-    let area = weighted_area(light) / start_density(light, (*photon).position);
+    let area = weighted_area(light) / start_density(light, (*photon).position, region);
     (*photon).flux = light.color * (area * weight * mean / chosen);
 }
 
@@ -142,8 +143,6 @@ fn start_at_emitter(index: u32, path: u32, total: f32) -> Photon {
 }
 
 fn store(path: u32, index: u32, bounce_met: u32, photon: Photon, incoming: u32) {
-    let level = grid_level(grid, level_at(grid, photon.position));
-    atomicAdd(&bricks[brick_at(level, photon.position) * BRICK_WORDS + BRICK_VERTICES], 1u);
     vertices[vertex_slot(parameters, path, index)] =
         Vpl(photon.position, bounce_met, photon.normal, path, photon.flux, incoming);
 }

@@ -2,6 +2,7 @@
 
 #define_import_path bevy_bounce::vpl::types
 
+#import bevy_bounce::shared::hilbert::HILBERT_BITS
 #import bevy_bounce::shared::octahedral::{encode_unit_8, decode_unit_8}
 
 struct Vpl {
@@ -37,14 +38,13 @@ const MET: u32 = 0x80000000u;
 /// Places of which a path from a directional light starts at one.
 const CANDIDATES: u32 = 8u;
 
-/// What is known of a brick, in words: vertices; lights, in fixed point; the first of the lights that are filed under it, counted
+/// What is known of a brick, in words: lights, in fixed point; the first of the lights that are filed under it, counted
 /// from 1; candidates whose light falls into it; those of them whose light goes on to meet something.
-const BRICK_WORDS: u32 = 5u;
-const BRICK_VERTICES: u32 = 0u;
-const BRICK_LIGHTS: u32 = 1u;
-const BRICK_FIRST: u32 = 2u;
-const BRICK_TRIED: u32 = 3u;
-const BRICK_ONWARD: u32 = 4u;
+const BRICK_WORDS: u32 = 4u;
+const BRICK_LIGHTS: u32 = 0u;
+const BRICK_FIRST: u32 = 1u;
+const BRICK_TRIED: u32 = 2u;
+const BRICK_ONWARD: u32 = 3u;
 
 /// Words a light has for what its path met.
 const MEETING_WORDS: u32 = 2u;
@@ -69,6 +69,16 @@ fn meeting_normal(word: u32) -> vec3<f32> {
 
 /// Fixed point: one light. 65,536 lights fit into a word.
 const LIGHT_SHIFT: u32 = 15u;
+
+/// Steps of the error of a node of the tree over the vertices: 32 an octave.
+const NODE_STEPS: u32 = 1024u;
+
+const FACINGS: u32 = 6u;
+
+/// Least key of the vertices in one of the nested grids. Keys: grid, facing, index on a Hilbert curve.
+fn first_key_of_grid(grid: u32) -> u32 {
+    return (grid * FACINGS) << (3u * HILBERT_BITS);
+}
 
 struct Path {
     length: u32,

@@ -2,7 +2,8 @@
 
 use bevy::math::Vec3;
 use bevy_bounce_shaders::types::{
-    AtlasParameters, BRICK_WORDS, CANDIDATES, Grid, HILBERT_BITS, Occluder, Path, Vpl, VplHeader, VplParameters,
+    AtlasParameters, BRICK_WORDS, CANDIDATES, Grid, HILBERT_BITS, NODE_STEPS, Occluder, Path, Vpl, VplHeader,
+    VplParameters,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::glb::{self, GlbScene};
@@ -54,7 +55,10 @@ fn light_up(scene: &TestScene, grid: &Grid) -> Resources {
         .structs("header", &[VplHeader::default()])
         .zeroed("vertex_count", 1)
         .zeroed("pairs", 2 * slots)
-        .zeroed("starts", slots);
+        .zeroed("starts", slots + 1)
+        .zeroed("nodes", slots)
+        .zeroed("steps", NODE_STEPS as usize)
+        .zeroed("firsts", LIGHTS as usize + 1);
     run(gpu(), "vpl/look_ahead.wgsl", "look_ahead", &resources, [PATHS * CANDIDATES / 64, 1, 1]);
     run(gpu(), "vpl/trace.wgsl", "trace_paths", &resources, [PATHS.div_ceil(64), 1, 1]);
     run(gpu(), "vpl/order.wgsl", "scan_paths", &resources, [1, 1, 1]);
@@ -63,7 +67,9 @@ fn light_up(scene: &TestScene, grid: &Grid) -> Resources {
     let pairs = resources.read_words("pairs").expect("reads back");
     let sorted = radix_sort(&pairs.as_chunks().0[..count], 3 + 3 * HILBERT_BITS);
     let resources = resources.words("pairs", sorted.as_flattened());
-    run(gpu(), "vpl/list.wgsl", "scan_weights", &resources, [1, 1, 1]);
+    run(gpu(), "vpl/weights.wgsl", "scan_weights", &resources, [1, 1, 1]);
+    run(gpu(), "vpl/cuts.wgsl", "measure_nodes", &resources, [slots.div_ceil(256) as u32, 1, 1]);
+    run(gpu(), "vpl/cuts.wgsl", "cut", &resources, [1, 1, 1]);
     run(gpu(), "vpl/list.wgsl", "build_list", &resources, [LIGHTS.div_ceil(64), 1, 1]);
     resources
 }
@@ -265,27 +271,28 @@ fn lights_settle_on_what_their_path_met() {
     let glb = glb::read(&file).expect("a scene");
     let grid = grid(&glb.scene);
     let rays = Rays::new(&glb.scene);
-    // Share of the directions about a light's normal in which something is nearer than a voxel and a half.
+    // Share of the light, by where it is sent, with something nearer than a voxel and a half.
     let buried = |resources: &Resources| {
         let header: VplHeader = resources.read_structs("header").expect("reads back")[0];
         let vpls: Vec<Vpl> = resources.read_structs("vpls").expect("reads back");
         let mut random = Random::new(3);
-        let (mut near, mut all) = (0, 0);
+        let (mut near, mut all) = (0.0, 0.0);
         for vpl in vpls[..header.count as usize].iter().step_by(4) {
             let (x, y) = vpl.normal.any_orthonormal_pair();
             for _ in 0..8 {
                 let (u, turn) = (random.unit(), random.unit() * std::f32::consts::TAU);
                 let direction = vpl.normal * (1.0 - u).sqrt() + (x * turn.cos() + y * turn.sin()) * u.sqrt();
                 let start = vpl.position + vpl.normal * 1e-3 * grid.voxel_size;
-                near += usize::from(rays.cast(start, direction, 0.0, 1.5 * grid.voxel_size).is_some());
-                all += 1;
+                let is_near = rays.cast(start, direction, 0.0, 1.5 * grid.voxel_size).is_some();
+                near += f64::from(vpl.flux.y) * f64::from(u8::from(is_near));
+                all += f64::from(vpl.flux.y);
             }
         }
-        near as f64 / all as f64
+        near / all
     };
     let resources = light_up(&glb.scene, &grid);
     let before = buried(&resources);
     let after = buried(&settle(gpu(), &glb.scene, &grid, resources, LIGHTS));
-    println!("near surfaces in {before:.3} of the directions before, in {after:.3} after");
+    println!("near surfaces is {before:.3} of the light before, in {after:.3} after");
     assert!(before > 0.25 && after < 0.17, "{before} before, {after} after");
 }

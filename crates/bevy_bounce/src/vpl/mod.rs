@@ -7,9 +7,12 @@
 //! |---|---|---|
 //! | `vertices` | 4.9 MiB, in the sums of the voxel grid where these are as large | path by path, where it was reflected |
 //! | `paths` | 96 KiB | vertices of each path, and how many come before |
+//! | `candidates` | 256 KiB | where light from places falls in which paths from suns and the sky may start |
 //! | `order` | 1.7 MiB | key and slot of each vertex, twice for the sort |
-//! | `starts` | 416 KiB | where in the list each vertex of the order begins |
-//! | `bricks` | 6 KiB | vertices and lights in each brick of the grid, and the first of the lights filed under it |
+//! | `starts` | 416 KiB | what the vertices before each weigh |
+//! | `nodes`, `steps` | 420 KiB | where the order may be cut, and how often each error of a node occurs |
+//! | `firsts` | 4 KiB | first vertex of each light |
+//! | `bricks` | 8 KiB | lights in each brick of the grid, the first of the lights filed under it, and what light from the candidates falls into it |
 //! | `densities` | 4 KiB | lights and area of the surfaces in each brick |
 //! | `vpls` | 48 KiB | the list: position, normal, flux |
 //! | `meetings` | 8 KiB | which surface the path of each light met |
@@ -24,7 +27,8 @@
 //! polar angle of a reflected path as sqrt(cos x); it is acos(sqrt(1 - x)). Paths end by roulette on the albedo, so that
 //! all vertices carry about the same flux, and at a greatest length. Eight times as many paths are traced as there are lights in
 //! the list; their vertices are sorted by facing and along a Hilbert curve and cut into runs, one light each: see
-//! `vpl/list.wgsl`. Lights are then set on the triangles that their paths met: see `vpl/settle.wgsl`.
+//! `vpl/cuts.wgsl`. Paths from suns and from the sky start at one of eight places, more often where they go on to meet
+//! something: see `vpl/starts.wgsl`. Lights are then set on the triangles that their paths met: see `vpl/settle.wgsl`.
 
 mod counters;
 mod passes;

@@ -21,6 +21,8 @@ fn vertex_key_bits(grids: u32) -> u32 {
 
 /// Threads of a workgroup, a path or a light each.
 const GROUP: u32 = 64;
+/// Threads of a workgroup, a vertex each.
+const NODE_GROUP: u32 = 256;
 
 pub(super) fn trace_vpls(
     settings: Res<GiWorldSettings>,
@@ -82,20 +84,38 @@ pub(super) fn trace_vpls(
             whole(vpl.order.pairs()),
         ],
     );
-    let list = p.build_list.bind(
+    let weights = p.scan_weights.bind(
+        &device,
+        &cache,
+        &[whole(vpl.vertices(&grid)), whole(&vpl.vertex_count), whole(vpl.order.sorted(key_bits)), whole(&vpl.starts)],
+    );
+    let cuts = p.cut.bind(
         &device,
         &cache,
         &[
             parameters.clone(),
             grid_uniform.clone(),
-            whole(vpl.vertices(&grid)),
             whole(&vpl.vertex_count),
             whole(vpl.order.sorted(key_bits)),
-            whole(&vpl.bricks),
-            whole(&grid.counters),
             whole(&vpl.starts),
+            whole(&grid.counters),
+            whole(&vpl.nodes),
+            whole(&vpl.steps),
+            whole(&vpl.firsts),
+            whole(&vpl.header),
+        ],
+    );
+    let list = p.build_list.bind(
+        &device,
+        &cache,
+        &[
+            grid_uniform.clone(),
+            whole(vpl.vertices(&grid)),
+            whole(vpl.order.sorted(key_bits)),
+            whole(&vpl.firsts),
             whole(&vpl.header),
             whole(&vpl.vpls),
+            whole(&vpl.bricks),
         ],
     );
     let places = p.file_lights.bind(
@@ -128,15 +148,22 @@ pub(super) fn trace_vpls(
     let chunks = folded(scene.emissive_chunk_count());
     p.collect_emitters.dispatch(encoder, &cache, &[&emitters], chunks);
     p.accumulate_emitters.dispatch(encoder, &cache, &[&emitters], chunks.min(UVec3::ONE));
-    let VplParameters { path_count, capacity, .. } = vpl.parameters();
+    let VplParameters { path_count, capacity, max_bounces, .. } = vpl.parameters();
     let groups = |threads: u32| UVec3::new(threads.div_ceil(GROUP), 1, 1);
     encoder.clear_buffer(&vpl.bricks, 0, None);
-    p.look_ahead.dispatch(encoder, &cache, &[&ahead, &grid_group], folded((path_count * CANDIDATES).div_ceil(GROUP)));
+    encoder.clear_buffer(&vpl.steps, 0, None);
+    if scene.has_directional_lights() {
+        let candidates = path_count * CANDIDATES;
+        p.look_ahead.dispatch(encoder, &cache, &[&ahead, &grid_group], folded(candidates.div_ceil(GROUP)));
+    }
     p.trace_paths.dispatch(encoder, &cache, &[&trace, &grid_group], groups(path_count));
     p.scan_paths.dispatch(encoder, &cache, &[&order], UVec3::ONE);
     p.write_pairs.dispatch(encoder, &cache, &[&order], groups(path_count));
     sort.sort(&device, encoder, &cache, &vpl.order, &vpl.vertex_count, key_bits);
-    p.scan_weights.dispatch(encoder, &cache, &[&list], UVec3::ONE);
+    p.scan_weights.dispatch(encoder, &cache, &[&weights], UVec3::ONE);
+    let vertices = path_count * (max_bounces + 1);
+    p.measure_nodes.dispatch(encoder, &cache, &[&cuts], folded(vertices.div_ceil(NODE_GROUP)));
+    p.cut.dispatch(encoder, &cache, &[&cuts], UVec3::ONE);
     p.build_list.dispatch(encoder, &cache, &[&list], groups(capacity));
     p.file_lights.dispatch(encoder, &cache, &[&places], groups(capacity));
     p.meet_triangles.dispatch(encoder, &cache, &[&settle], folded(scene.chunk_count()));

@@ -19,6 +19,8 @@ pub(super) struct VplPipelines {
     pub scan_paths: Kernel,
     pub write_pairs: Kernel,
     pub scan_weights: Kernel,
+    pub measure_nodes: Kernel,
+    pub cut: Kernel,
     pub build_list: Kernel,
     pub file_lights: Kernel,
     pub meet_triangles: Kernel,
@@ -39,8 +41,12 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let trace = [uniform, uniform, read, read, write, write, write, write];
     // Parameters, grid; vertices; paths, vertex count, pairs.
     let order = [uniform, uniform, read, write, write, write];
-    // Parameters, grid; vertices, vertex count, pairs; bricks; counters; starts, header, list.
-    let list = [uniform, uniform, read, read, read, write, read, write, write, write];
+    // Vertices, vertex count, pairs; starts.
+    let weights = [read, read, read, write];
+    // Parameters, grid; vertex count, pairs, starts; counters; nodes, steps, first vertices, header.
+    let cuts = [uniform, uniform, read, read, read, read, write, write, write, write];
+    // Grid; vertices, pairs, first vertices, header; list, bricks.
+    let list = [uniform, read, read, read, read, write, write];
     // Grid; header; list, bricks, meetings.
     let places = [uniform, read, write, write, write];
     // Geometry, instances, materials, thumbnails; grid, scene; chunks, list, bricks; meetings.
@@ -54,7 +60,9 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
         trace_paths: kernel("vpl/trace.wgsl", "trace_paths", &trace, &[grid_layout()]),
         scan_paths: kernel("vpl/order.wgsl", "scan_paths", &order, &[]),
         write_pairs: kernel("vpl/order.wgsl", "write_pairs", &order, &[]),
-        scan_weights: kernel("vpl/list.wgsl", "scan_weights", &list, &[]),
+        scan_weights: kernel("vpl/weights.wgsl", "scan_weights", &weights, &[]),
+        measure_nodes: kernel("vpl/cuts.wgsl", "measure_nodes", &cuts, &[]),
+        cut: kernel("vpl/cuts.wgsl", "cut", &cuts, &[]),
         build_list: kernel("vpl/list.wgsl", "build_list", &list, &[]),
         file_lights: kernel("vpl/places.wgsl", "file_lights", &places, &[]),
         meet_triangles: kernel("vpl/settle.wgsl", "meet_triangles", &settle, &[]),

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::{
-    BRICK_WORDS, CANDIDATES, CHUNK_TRIANGLES, Emitter, MEETING_WORDS, Path, Vpl, VplHeader, VplParameters,
+    BRICK_WORDS, CANDIDATES, CHUNK_TRIANGLES, Emitter, MEETING_WORDS, NODE_STEPS, Path, Vpl, VplHeader, VplParameters,
 };
 
 use crate::avg::VoxelGrid;
@@ -32,8 +32,13 @@ pub(crate) struct VplBuffers {
     pub vertex_count: Buffer,
     /// Vertices in the order they are cut into lights.
     pub order: SortBuffers,
-    /// Where in the list each vertex of the order begins.
+    /// What the vertices before each weigh, and all.
     pub starts: Buffer,
+    /// Where the order may be cut; how often each error of a node occurs, [`NODE_STEPS`] words: see `vpl/cuts.wgsl`.
+    pub nodes: Buffer,
+    pub steps: Buffer,
+    /// First vertex of each light, and the end of the last.
+    pub firsts: Buffer,
     /// What is known of each brick of the grid, [`BRICK_WORDS`] each.
     pub bricks: Buffer,
     /// By brick: lights, times the scale of the bound; area of the surfaces, square world units.
@@ -61,7 +66,10 @@ impl VplBuffers {
             candidates: storage(device, "bounce_path_candidates", paths * u64::from(CANDIDATES) * 4),
             vertex_count: storage(device, "bounce_path_vertex_count", 4),
             order: SortBuffers::new(device, slots as u32),
-            starts: storage(device, "bounce_vpl_starts", slots * 4),
+            starts: storage(device, "bounce_vpl_starts", (slots + 1) * 4),
+            nodes: storage(device, "bounce_vpl_nodes", slots * 4),
+            steps: storage(device, "bounce_vpl_node_steps", u64::from(NODE_STEPS) * 4),
+            firsts: storage(device, "bounce_vpl_firsts", u64::from(parameters.capacity + 1) * 4),
             bricks: storage(device, "bounce_vpl_bricks", 4),
             densities: storage(device, "bounce_vpl_densities", 8),
             vpls: storage(device, "bounce_vpls", u64::from(parameters.capacity) * u64::from(Vpl::min_size())),
@@ -92,7 +100,14 @@ impl VplBuffers {
                     + self.bricks.size()
                     + self.densities.size(),
             ),
-            ("vpl: order", self.order.bytes() + self.starts.size() + self.vertex_count.size()),
+            (
+                "vpl: order",
+                self.order.bytes()
+                    + [&self.starts, &self.nodes, &self.steps, &self.firsts, &self.vertex_count]
+                        .iter()
+                        .map(|buffer| buffer.size())
+                        .sum::<u64>(),
+            ),
             ("vpl: list", self.vpls.size() + self.meetings.size() + self.header.size()),
             ("vpl: emitters", self.emitters.size()),
         ]
@@ -122,7 +137,13 @@ pub(super) fn prepare_vpls(
     grid: Option<Res<VoxelGrid>>,
     buffers: Option<ResMut<VplBuffers>>,
 ) {
-    let (Some(settings), Some(scene)) = (settings.0, scene) else { return };
+    let Some(settings) = settings.0 else {
+        if buffers.is_some() {
+            commands.remove_resource::<VplBuffers>();
+        }
+        return;
+    };
+    let Some(scene) = scene else { return };
     let limit = device.limits().max_storage_buffer_binding_size;
     let path_bytes = u64::from(settings.bounces + 1) * u64::from(Vpl::min_size());
     let sizes = |vpls: u32| VplParameters {

@@ -1,0 +1,160 @@
+// Where the order of the vertices is cut into lights.
+//
+// The bits of a vertex's key lead down a binary tree over the space that the vertices are in. One light for all of a node puts their
+// flux off by up to the node's edge: two neighbours of the order part where that error, weight times edge, of the least node that
+// holds both is too large. So where light is rare it comes from more and weaker lights than its share of the flux would give it, and
+// where a cut is depends on what lies in the few nodes around it: nothing that moves elsewhere shifts it, as it would the
+// ends of runs of equal weight. Vertices of the same key part by their place in the order. Walter et al. 2005, "Lightcuts".
+//
+// `measure_nodes`: the error of the least node, in steps of a 32nd of an octave, and how often each step occurs. `cut`: the
+// least step with no more cuts at it and above than there is room for lights, and the first vertex of each light.
+//
+// Cost: a thread a vertex, two binary searches through the order; then one workgroup, one load a vertex.
+
+#import bevy_bounce::shared::groups::{exclusive_scan, folded_index, scan_total}
+#import bevy_bounce::shared::grid::{Grid, COUNTER_AREA}
+#import bevy_bounce::shared::hilbert::HILBERT_BITS
+#import bevy_bounce::vpl::types::{VplParameters, VplHeader, SUBSETS, NODE_STEPS, first_key_of_grid}
+
+@group(0) @binding(0) var<uniform> parameters: VplParameters;
+@group(0) @binding(1) var<uniform> grid: Grid;
+@group(0) @binding(2) var<storage, read> vertex_count: array<u32>;
+// Key, slot of the vertex, sorted by key.
+@group(0) @binding(3) var<storage, read> pairs: array<vec2<u32>>;
+// Weights of the vertices before each, and of all.
+@group(0) @binding(4) var<storage, read> starts: array<u32>;
+@group(0) @binding(5) var<storage, read> counters: array<u32>;
+// Step of the error of the least node that holds a vertex and the one before it.
+@group(0) @binding(6) var<storage, read_write> nodes: array<u32>;
+// Vertices of each step.
+@group(0) @binding(7) var<storage, read_write> steps: array<atomic<u32>, NODE_STEPS>;
+// First vertex of each light, and the end of the last.
+@group(0) @binding(8) var<storage, read_write> firsts: array<u32>;
+@group(0) @binding(9) var<storage, read_write> header: VplHeader;
+
+const GROUP: u32 = 256u;
+/// Steps that a thread of `cut` adds up.
+const STEPS_A_LANE: u32 = NODE_STEPS / GROUP;
+
+// The first vertex of the order with that key or a higher one.
+fn first_at(key: u32) -> u32 {
+    var low = 0u;
+    var high = vertex_count[0];
+    while low < high {
+        let middle = (low + high) / 2u;
+        if pairs[middle].x < key {
+            low = middle + 1u;
+        } else {
+            high = middle;
+        }
+    }
+    return low;
+}
+
+// Weight times edge of the least node that holds a vertex and the one before it; edge in cells of the curve.
+fn node_error(index: u32) -> f32 {
+    let key = pairs[index].x;
+    let differs = key ^ pairs[index - 1u].x;
+    if differs != 0u {
+        let bits = firstLeadingBit(differs) + 1u;
+        let low = (key >> bits) << bits;
+        let weight = starts[first_at(low + (1u << bits))] - starts[first_at(low)];
+        return f32(weight) * exp2(f32(min(bits, 3u * HILBERT_BITS)) / 3.0);
+    }
+    let bits = firstLeadingBit(index ^ (index - 1u)) + 1u;
+    let low = (index >> bits) << bits;
+    return f32(starts[min(low + (1u << bits), first_at(key + 1u))] - starts[max(low, first_at(key))]);
+}
+
+// Exponent and the first five bits of the mantissa.
+fn step_of(error: f32) -> u32 {
+    return min((bitcast<u32>(max(error, 1.0)) - 0x3f800000u) >> 18u, NODE_STEPS - 1u);
+}
+
+@compute @workgroup_size(256)
+fn measure_nodes(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let index = folded_index(group) * GROUP + lane;
+    if index >= vertex_count[0] {
+        return;
+    }
+    var step = NODE_STEPS - 1u;
+    if index > 0u {
+        step = step_of(node_error(index));
+    }
+    nodes[index] = step;
+    atomicAdd(&steps[step], 1u);
+}
+
+var<workgroup> least: u32;
+
+// The least step of which there are no more vertices, with all above, than there is room for lights.
+fn find_least(lane: u32) {
+    var counts: array<u32, STEPS_A_LANE>;
+    var sum = 0u;
+    let highest = NODE_STEPS - 1u - lane * STEPS_A_LANE;
+    for (var i = 0u; i < STEPS_A_LANE; i++) {
+        counts[i] = atomicLoad(&steps[highest - i]);
+        sum += counts[i];
+    }
+    if lane == 0u {
+        least = 0u;
+    }
+    var above = exclusive_scan(sum, lane);
+    if above <= parameters.capacity && above + sum > parameters.capacity {
+        var step = highest;
+        while above + counts[highest - step] <= parameters.capacity {
+            above += counts[highest - step];
+            step--;
+        }
+        least = step + 1u;
+    }
+    workgroupBarrier();
+}
+
+// See `bound.wgsl`; here for the lights and the area of the whole of the finest grid.
+fn mean_bound(lights: u32) -> f32 {
+    let area = f32(counters[COUNTER_AREA]) / 256.0 * grid.voxel_size * grid.voxel_size;
+    return parameters.bound_scale * f32(lights) / max(area, 1e-12);
+}
+
+fn write_header(count: u32, in_finest_grid: u32) {
+    for (var subset = 0u; subset <= SUBSETS; subset++) {
+        header.subset_start[subset] = subset * (count / SUBSETS) + min(subset, count % SUBSETS);
+    }
+    header.count = count;
+    header.path_count = parameters.path_count;
+    header.geometry_bound = mean_bound(in_finest_grid);
+}
+
+var<workgroup> lights_in_finest_grid: u32;
+
+@compute @workgroup_size(256)
+fn cut(@builtin(local_invocation_index) lane: u32) {
+    find_least(lane);
+    let count = vertex_count[0];
+    let chunk = (count + GROUP - 1u) / GROUP;
+    let first = min(lane * chunk, count);
+    let end = min(first + chunk, count);
+    var sum = 0u;
+    for (var i = first; i < end; i++) {
+        sum += u32(nodes[i] >= least);
+    }
+    // Vertices of the finest grid come first.
+    let next_grid = first_at(first_key_of_grid(1u));
+    var light = exclusive_scan(sum, lane);
+    for (var i = first; i < end; i++) {
+        if nodes[i] >= least {
+            firsts[light] = i;
+            light++;
+        }
+        if i + 1u == next_grid {
+            lights_in_finest_grid = light;
+        }
+    }
+    workgroupBarrier();
+    if lane == 0u {
+        let lights = scan_total();
+        firsts[lights] = count;
+        write_header(lights, select(lights_in_finest_grid, 0u, next_grid == 0u));
+    }
+}
