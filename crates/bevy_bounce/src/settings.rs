@@ -118,8 +118,9 @@ pub struct GiSettings {
     /// Caches of incident light: glossy light beside virtual point lights, and all of [`Technique::RadianceCache`].
     pub radiance_cache: RadianceCacheSettings,
     /// Frames over which bounced light is averaged where it hardly changes, 0 to 64; 0 and 1 are off. More is calmer, and no frame
-    /// is more than four percent off its own light whatever this is. Costs the same from 2 on: 16 bytes a pixel, motion vectors
-    /// included, and 8 more with glossy light; see [`history`](crate::history). Bevy compiles other pipelines for its prepass when it
+    /// is more than four percent off its own light whatever this is. Baked light has the mean of up to 64 frames, from 2 on, while
+    /// everything rests. Costs the same from 2 on: 16 bytes a pixel, motion vectors included, and 8 more with glossy light; for baked light as
+    /// much again, at least; see [`history`](crate::history). Bevy compiles other pipelines for its prepass when it
     /// is switched on or off, and leaves out what waits for them.
     #[reflect(@0..=64_u32)]
     pub history: u32,

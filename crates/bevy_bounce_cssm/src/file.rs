@@ -109,10 +109,14 @@ impl CssmFile {
             let texel = Texel::from_words(words);
             let finite =
                 texel.position.iter().chain(&texel.diffuse).chain([&texel.area]).all(|value| value.is_finite());
+            let shows = texel.area > 0.0 && texel.diffuse.iter().all(|share| (0.0..=1.0).contains(share));
             let fits = u64::from(texel.slot) < slots && texel.chart < self.meta.charts;
-            if !finite || !fits || self.texel_at(texel.cell) != Some(index) {
-                return Err(CssmError::section("texels", format!("texel {index} makes no sense")));
-            }
+            let what = match (finite && shows, fits && self.texel_at(texel.cell) == Some(index)) {
+                (true, true) => continue,
+                (false, _) => "has no area, or reflects less than nothing or more than all",
+                (true, false) => "lies outside its maps, its charts or its cell",
+            };
+            return Err(CssmError::section("texels", format!("texel {index} {what}")));
         }
         let stray = self.cells.iter().position(|&texel| texel != NO_TEXEL && texel >= self.meta.texels);
         match stray {

@@ -5,7 +5,7 @@
 // Cost: one thread a texel; a query of visibility for each light that it faces (four for a rect light), and sixteen for each other object on the way.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_seen_from_outside, sight, STRAIGHT}
+#import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_shaded, is_seen_from_outside, sight, STRAIGHT}
 #import bevy_bounce::cssm::texels::{
     bakes, half_side, load_texel, object_of, reflectance, scale_of, to_object, to_world, turn_to_object, turn_to_world, Texel,
 }
@@ -20,6 +20,8 @@
 // Of each texel, radiance without bounces, cd/m^2: emission before, with reflected direct light after; share reflected at the surface.
 @group(0) @binding(5) var<storage, read_write> sources: array<vec4<f32>>;
 
+/// Beyond everything, world units.
+const FAR: f32 = 1e6;
 /// Places along a side of a texel from which other objects are asked.
 const PLACES: u32 = 4u;
 /// Prime to their number.
@@ -55,18 +57,14 @@ fn aside(part: u32) -> vec2<f32> {
 
 // Share of a texel that other objects leave to a directional light.
 fn share_along(place: Place, direction: vec3<f32>) -> f32 {
-    if bakes.count < 2u {
+    let radius = length(place.across + place.up);
+    let between = between_candidates(place.position, place.position - direction * FAR, radius, place.object, place.object);
+    if (between.words[0] | between.words[1]) == 0u {
         return 1.0;
     }
     var seen = 0.0;
     for (var part = 0u; part < PLACES * PLACES; part++) {
-        let position = part_of(place, part);
-        var is_lit = true;
-        for (var object = 0u; object < bakes.count && is_lit; object++) {
-            let turned = turn_to_object(object, direction);
-            is_lit = object == place.object || is_seen_from_outside(object, to_object(object, position), turned, aside(part));
-        }
-        seen += select(0.0, 1.0, is_lit);
+        seen += select(1.0, 0.0, is_shaded(part_of(place, part), direction, between, aside(part)));
     }
     return seen / f32(PLACES * PLACES);
 }

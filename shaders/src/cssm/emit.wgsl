@@ -14,7 +14,6 @@
 // Of each texel, radiance without bounces, cd/m^2; share reflected at the surface.
 @group(0) @binding(6) var<storage, read_write> sources: array<vec4<f32>>;
 
-
 @compute @workgroup_size(64)
 fn emit(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let index = folded_index(group) * 64u + lane;

@@ -210,10 +210,8 @@ fn choose_sender(first_power: u32, node: u32, rank: u32, texels: u32, number: f3
     return sender;
 }
 
-// Adds light from a texel that stands for as many like it; `power` is its own.
-fn add_transfer(
-    result: ptr<function, Gathered>, index: u32, power: vec4<f32>, like_it: f32, local: Local, receiver: Receiver,
-) {
+// Adds light from a texel that sends that power, its own and that of those it stands for.
+fn add_transfer(result: ptr<function, Gathered>, index: u32, power: vec3<f32>, local: Local, receiver: Receiver) {
     let texel = load_texel(local.object, index);
     let way = texel.position - local.position;
     let square = dot(way, way);
@@ -230,7 +228,7 @@ fn add_transfer(
     if form_factor <= 0.0 {
         return;
     }
-    let radiance = power.rgb * (like_it * shared_view(texel, local, receiver) / texel.area);
+    let radiance = power * (shared_view(texel, local, receiver) / texel.area);
     (*result).light += radiance * form_factor;
 #ifdef GLOSSY
     let distance = sqrt(square);
@@ -279,9 +277,9 @@ fn gather_from(object: u32, receiver: Receiver, seed: u32, turn: u32) -> Gathere
                 let number = unit_float(hash(seed ^ hash(first_power + index)) + turn * GOLDEN_RATIO);
                 let sender = choose_sender(first_power, index, rank, count, number);
                 let sent = powers[first_power + sender.node];
-                // Rounding may lead past the last that sends anything.
-                let like_it = brightness(power) / max(brightness(sent), 1e-30);
-                add_transfer(&result, leaf_texel(object, sender.rank), sent, like_it, local, receiver);
+                // All of the node's power, in the sender's colour. Rounding may lead to one that sends nothing.
+                let color = sent.rgb / max(brightness(sent), 1e-30);
+                add_transfer(&result, leaf_texel(object, sender.rank), color * brightness(power), local, receiver);
                 result.cut += 1u;
             }
         }

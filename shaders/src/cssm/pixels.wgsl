@@ -14,7 +14,7 @@
 
 #import bevy_render::view::View
 #import bevy_bounce::cssm::gather::{gather, settings, Gathered, Receiver}
-#import bevy_bounce::interleaved::surface::{unpack_surface, Surface}
+#import bevy_bounce::interleaved::surface::{unpack_surface, toward_eye, Surface}
 #import bevy_bounce::shared::sampling::hash
 #ifdef CUT
 #import bevy_bounce::debug::heat::heat
@@ -34,14 +34,6 @@
 @group(0) @binding(9) var deferred_texture: texture_2d<u32>;
 @group(0) @binding(10) var glossy: texture_storage_2d<rgba16float, write>;
 const KEPT_WORDS: u32 = 2u;
-
-// Towards the eye.
-fn view_direction(position: vec3<f32>) -> vec3<f32> {
-    if view.clip_from_view[3].w == 1.0 {
-        return view.world_from_view[2].xyz;
-    }
-    return normalize(view.world_position - position);
-}
 
 // Roughness and largest reflectance straight on, as bevy_pbr/src/deferred/pbr_deferred_functions.wgsl packs and
 // bevy_pbr/src/render/pbr_functions.wgsl defines them.
@@ -69,7 +61,7 @@ fn gather_pixel(surface: Surface, deferred: vec4<u32>, pixel: u32, turn: u32) ->
     }
 #endif
 #ifdef GLOSSY
-    receiver.view = view_direction(surface.position);
+    receiver.view = toward_eye(view, surface.position);
     read_material(&receiver, deferred);
 #endif
     return gather(receiver, hash(pixel), turn);

@@ -10,7 +10,8 @@
 #define_import_path bevy_bounce::cssm::query
 
 #import bevy_bounce::cssm::maps::{map_code, LANES, ROWS}
-#import bevy_bounce::cssm::texels::{bakes, root, scale_of, to_object, to_world, Texel}
+#import bevy_bounce::cssm::texels::{bakes, root, scale_of, to_object, to_world, turn_to_object, Texel}
+#import bevy_bounce::shared::scene::NONE
 
 /// Side of a square of pixels.
 const SQUARE: u32 = 8u;
@@ -262,18 +263,34 @@ fn between_candidates(place: vec3<f32>, center: vec3<f32>, radius: f32, object_a
     return candidates;
 }
 
+/// Takes one of the objects away; `NONE` where none is left.
+fn take(objects: ptr<function, Objects>) -> u32 {
+    for (var word = 0u; word < 2u; word++) {
+        let bits = (*objects).words[word];
+        if bits != 0u {
+            (*objects).words[word] = bits & (bits - 1u);
+            return 32u * word + firstTrailingBit(bits);
+        }
+    }
+    return NONE;
+}
+
+/// Whether one of those objects stands between a place of the world and what lies that way.
+fn is_shaded(place: vec3<f32>, direction: vec3<f32>, candidates: Objects, aside: vec2<f32>) -> bool {
+    var left = candidates;
+    for (var object = take(&left); object != NONE; object = take(&left)) {
+        let turned = turn_to_object(object, direction);
+        if !is_seen_from_outside(object, to_object(object, place), turned, aside) {
+            return true;
+        }
+    }
+    return false;
+}
+
 /// Whether one of those objects stands between two places of the world.
 fn is_hidden(a: vec3<f32>, b: vec3<f32>, candidates: Objects, aside: vec2<f32>) -> bool {
-    var low = candidates.words[0];
-    var high = candidates.words[1];
-    while (low | high) != 0u {
-        var object = firstTrailingBit(low);
-        if low == 0u {
-            object = 32u + firstTrailingBit(high);
-            high &= high - 1u;
-        } else {
-            low &= low - 1u;
-        }
+    var left = candidates;
+    for (var object = take(&left); object != NONE; object = take(&left)) {
         if is_between(object, a, b, aside) {
             return true;
         }

@@ -5,6 +5,8 @@
 #define_import_path bevy_bounce::cssm::texels
 
 #import bevy_bounce::cssm::types::CssmBakes
+#import bevy_bounce::shared::sampling::any_tangent
+#import bevy_bounce::shared::scene::with_surface_reflection
 
 @group(0) @binding(0) var<storage, read> texels: array<u32>;
 @group(0) @binding(1) var<uniform> bakes: CssmBakes;
@@ -53,17 +55,15 @@ fn load_texel(object: u32, index: u32) -> Texel {
     return texel;
 }
 
-/// Share of light that a texel sends on: what is reflected at its surface, then the rest by its colour. As `surface_albedo` in
-/// shared/triangles.wgsl.
+/// Share of light that a texel sends on.
 fn reflectance(texel: Texel, specular: f32) -> vec3<f32> {
-    return mix(texel.diffuse, vec3<f32>(1.0), specular);
+    return with_surface_reflection(texel.diffuse, specular);
 }
 
 /// From the middle of a square of that area and normal, which stands for a texel, to the middle of a side; `cross(normal, ...)` leads to
 /// the next side.
 fn half_side(normal: vec3<f32>, area: f32) -> vec3<f32> {
-    let helper = select(vec3<f32>(1.0, 0.0, 0.0), vec3<f32>(0.0, 0.0, 1.0), abs(normal.z) < 0.9);
-    return normalize(cross(helper, normal)) * (0.5 * sqrt(area));
+    return any_tangent(normal) * (0.5 * sqrt(area));
 }
 
 /// Column and row of a texel in its object's atlas.

@@ -14,7 +14,7 @@
     Surface, unpack_surface, is_same_surface, toward_eye, texels_shaded, PIXELS_A_TEXEL,
 }
 #ifdef HALF_RESOLUTION
-#import bevy_bounce::interleaved::gather::gather_all
+#import bevy_bounce::interleaved::gather::{gather_all, gather_sky}
 #endif
 
 @group(0) @binding(0) var<uniform> view: View;
@@ -50,13 +50,13 @@ fn tent(center: Surface, texel: vec2<u32>, pixel: vec2<u32>, axis: vec2<u32>, pl
 }
 
 #ifdef HALF_RESOLUTION
-// From all lights.
+// From all lights, or all directions of the sky.
 fn gathered(surface: Surface) -> vec3<f32> {
-    let all = gather_all(surface, toward_eye(view, surface.position));
+    let to_eye = toward_eye(view, surface.position);
 #ifdef SKY_SEEN
-    return vec3<f32>(all.sky_seen, 0.0);
+    return vec3<f32>(gather_sky(surface, to_eye, 0u, 1u).sky_seen, 0.0);
 #else
-    return min(all.light * view.exposure, vec3<f32>(6e4));
+    return min(gather_all(surface, to_eye).light * view.exposure, vec3<f32>(6e4));
 #endif
 }
 #endif

@@ -80,7 +80,10 @@ fn gather_sky(surface: Surface, to_eye: vec3<f32>, first: u32, step: u32) -> Gat
     let light = sky_light(surface.position, surface.normal, surface.normal, mirrored, SURFACE_GAP, first, step);
     sky.light = light.diffuse;
 #ifdef SKY_SEEN
-    sky.sky_seen = light.seen / max(open_sky(surface.normal, mirrored), vec2<f32>(1e-30));
+    // Where no direction lies in the mirrored lobe, what is known of the surface's whole sky says how much of it is seen.
+    let open = open_sky(surface.normal, mirrored);
+    let seen = select(vec2<f32>(1.0), light.seen / max(open, vec2<f32>(1e-30)), open > vec2<f32>(0.0));
+    sky.sky_seen = vec2<f32>(seen.x, select(seen.x, seen.y, open.y > 0.0));
 #endif
 #endif
     return sky;

@@ -1,5 +1,7 @@
-// The sky as a number of directional lights. Their directions are drawn in proportion to the light that comes from them: one from
-// each of as many stretches of equal light along a curve that fills the sphere. Every n-th of them is spread like all of them.
+// The sky as a number of directional lights. Three quarters of their directions are drawn in proportion to the light that comes from
+// them and the rest evenly, so that every surface faces some, whatever is bright: one from each of as many equal stretches along
+// a curve that fills the sphere. Every n-th of them is spread like all of them. Hesterberg 1995, "Weighted Average Importance
+// Sampling and Defensive Mixture Distributions".
 //
 // `measure` makes means of a cube map, over the texels of an octahedral map; `choose` draws directions from these. The
 // octahedral map is a projection onto an octahedron, so that a patch of area A there has a solid angle of A / r^3.
@@ -8,7 +10,7 @@
 // with four texels a thread.
 
 #import bevy_bounce::shared::octahedral::octahedral_to_unit
-#import bevy_bounce::shared::sampling::sample_square
+#import bevy_bounce::shared::sampling::{sample_square, PI}
 #import bevy_bounce::shared::scene::{Light, Scene, projected_area, LIGHT_DIRECTIONAL}
 #import bevy_bounce::shared::sky::{Sky, SKY_EDGE, SKY_TEXELS}
 #import bevy_bounce::vpl::types::luminance
@@ -27,6 +29,8 @@ const CHOOSE_GROUP: u32 = 256u;
 const RUN: u32 = SKY_TEXELS / CHOOSE_GROUP;
 /// Largest half float: an image may hold more, or what is no number.
 const BRIGHTEST: f32 = 65504.0;
+/// Share of the directions that are spread evenly.
+const EVEN_SHARE: f32 = 0.25;
 /// Dimension of the sequence.
 const DIMENSION_SKY: u32 = 96u;
 
@@ -137,48 +141,54 @@ fn find_run(value: f32) -> u32 {
     return low;
 }
 
-// The light that stands for a stretch of the curve.
-fn draw(index: u32) -> Light {
-    let total = sums[CHOOSE_GROUP - 1u];
-    let value = (f32(index) + 0.5) / f32(scene.sky_count) * total;
+// What directions are drawn by: all texels together have the light of the whole sky.
+fn chance_of(texel: vec4<f32>, total: f32) -> f32 {
+    return mix(light_of(texel), total * texel.w / (4.0 * PI), EVEN_SHARE);
+}
+
+// The light that stands for a stretch of the curve. `total`: light of the whole sky, lux from straight ahead.
+fn draw(index: u32, total: f32) -> Light {
+    let value = (f32(index) + 0.5) / f32(scene.sky_count) * sums[CHOOSE_GROUP - 1u];
     let run = find_run(value);
     var left = value;
     if run > 0u {
         left -= sums[run - 1u];
     }
-    // By rounding, none of a run's texels may lie beyond the value; its last that gives light does then.
+    // By rounding, none of a run's texels may lie beyond the value; its last does then.
     var place = run * RUN;
     for (var i = 0u; i < RUN; i++) {
-        let own = light_of(table[curve_texel(run * RUN + i)]);
-        if own > 0.0 {
-            place = run * RUN + i;
-            if own > left {
-                break;
-            }
+        let own = chance_of(table[curve_texel(run * RUN + i)], total);
+        place = run * RUN + i;
+        if own > left {
+            break;
         }
         left -= own;
     }
     let texel = table[curve_texel(place)];
-    let own = light_of(texel);
+    let own = chance_of(texel, total);
     let p = (vec2<f32>(curve_cell(place)) + sample_square(index, DIMENSION_SKY)) * (2.0 / f32(SKY_EDGE)) - 1.0;
     var light: Light;
     light.kind = LIGHT_DIRECTIONAL;
     light.direction = -octahedral_to_unit(p);
     light.max_bounces = sky.max_bounces;
     if own > 0.0 {
-        light.color = texel.rgb * texel.w * (total / (own * f32(scene.sky_count)));
+        light.color = texel.rgb * texel.w * (sums[CHOOSE_GROUP - 1u] / (own * f32(scene.sky_count)));
     }
     return light;
 }
 
 @compute @workgroup_size(256)
 fn choose(@builtin(local_invocation_index) lane: u32) {
-    var own = 0.0;
+    var own = vec2<f32>(0.0);
     for (var i = 0u; i < RUN; i++) {
-        own += light_of(table[curve_texel(lane * RUN + i)]);
+        let texel = table[curve_texel(lane * RUN + i)];
+        own += vec2<f32>(light_of(texel), texel.w);
     }
-    sum_up(own, lane);
-    var light = draw(min(lane, scene.sky_count - 1u));
+    sum_up(own.x, lane);
+    let total = sums[CHOOSE_GROUP - 1u];
+    workgroupBarrier();
+    sum_up(mix(own.x, total * own.y / (4.0 * PI), EVEN_SHARE), lane);
+    var light = draw(min(lane, scene.sky_count - 1u), total);
     workgroupBarrier();
     // What it casts on the boxes of the scene, lumens, each with its weight.
     var area = 0.0;

@@ -115,3 +115,8 @@ fn thumbnail_texel(uv: vec2<f32>) -> u32 {
     let texel = min(vec2<u32>(fract(uv) * f32(THUMBNAIL_SIZE)), vec2<u32>(THUMBNAIL_SIZE - 1u));
     return texel.y * THUMBNAIL_SIZE + texel.x;
 }
+
+/// Share of light that a surface sends on: what is reflected at the surface itself, then the rest by its colour.
+fn with_surface_reflection(color: vec3<f32>, specular: f32) -> vec3<f32> {
+    return mix(color, vec3<f32>(1.0), specular);
+}

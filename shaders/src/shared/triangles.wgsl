@@ -4,7 +4,7 @@
 
 #import bevy_bounce::shared::scene::{
     Instance, Material, NONE, INSTANCE_TWO_SIDED, INSTANCE_FLIPPED, VERTEX_WORDS, DEFORMED_WORDS,
-    material_uv, thumbnail_texel,
+    material_uv, thumbnail_texel, with_surface_reflection,
 }
 
 @group(0) @binding(0) var<storage, read> geometry: array<u32>;
@@ -108,7 +108,7 @@ fn surface_albedo(t: Triangle, p: vec3<f32>) -> vec4<f32> {
     if material.albedo_thumbnail != NONE {
         albedo *= thumbnail_color(material, material.albedo_thumbnail, triangle_uv(t, p));
     }
-    albedo = vec4<f32>(mix(albedo.rgb, vec3<f32>(1.0), material.specular), albedo.a);
+    albedo = vec4<f32>(with_surface_reflection(albedo.rgb, material.specular), albedo.a);
     if t.albedo_override != 0u {
         albedo = vec4<f32>(unpack4x8unorm(t.albedo_override).rgb, 1.0);
     }

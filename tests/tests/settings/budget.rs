@@ -26,6 +26,9 @@ fn lit(budget: Option<f32>) -> GlobalIllumination {
 
 /// Whether this run is one whose devices take none; what is left then is a test of its own.
 fn without_timestamps() -> bool {
+    if webgpu_limits() {
+        println!("skipped: WebGPU's default limits leave out timestamps, which a budget needs");
+    }
     webgpu_limits()
 }
 

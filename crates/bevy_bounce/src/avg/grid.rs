@@ -136,7 +136,13 @@ pub(crate) fn prepare_grid(
     scene: Option<Res<SceneBuffers>>,
     grid: Option<ResMut<VoxelGrid>>,
 ) {
-    let (Some(settings), Some(scene)) = (settings.0, scene) else { return };
+    let Some(settings) = settings.0 else {
+        if grid.is_some() {
+            commands.remove_resource::<VoxelGrid>();
+        }
+        return;
+    };
+    let Some(scene) = scene else { return };
     let regions = scene.regions();
     let place = |grid: &mut VoxelGrid| {
         let placed = nest(regions, settings.grid);

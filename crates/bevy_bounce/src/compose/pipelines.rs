@@ -93,7 +93,7 @@ pub(super) enum Pass {
     Direct {
         /// What becomes of Bevy's light by environment maps.
         environment_maps: EnvironmentMaps,
-        /// Glossy bounced light is added to it.
+        /// Under a shadowed sky: glossy bounced light is added to it.
         glossy: bool,
     },
     /// Into the picture, with bounced light or without.
@@ -332,23 +332,23 @@ pub(super) fn prepare_compose_pipelines(
             let (indirect, sky) = (gi.isolate != GiIsolate::Direct, environment_maps == EnvironmentMaps::Shadowed);
             let isolate = Pass::Isolate { glossy, sky, entry: entry(gi.isolate) };
             ViewPipelines {
-                direct: pipeline(Pass::Direct { environment_maps, glossy }),
+                direct: pipeline(Pass::Direct { environment_maps, glossy: glossy && sky }),
                 compose: pipeline(Pass::Compose { indirect, glossy, sky }),
                 isolate: gi.isolate.is_alone().then(|| pipeline(isolate)),
             }
         };
-        let view_pipelines = all(skies.environment_maps(gi, view));
-        // So that a sky may come and go from one frame to the next.
-        let with_or_without = if skies.has_map(view) {
-            vec![all(EnvironmentMaps::Kept), all(EnvironmentMaps::under(gi.technique))]
-        } else {
-            vec![all(EnvironmentMaps::Kept)]
-        };
-        let ids = || with_or_without.iter().flat_map(ViewPipelines::ids);
+        // Both, so that a sky may come and go from one frame to the next.
+        let kept = all(EnvironmentMaps::Kept);
+        let under_sky = skies.has_map(view).then(|| all(EnvironmentMaps::under(gi.technique)));
+        let ids = || kept.ids().chain(under_sky.iter().flat_map(ViewPipelines::ids));
         let state = |id| cache.get_render_pipeline_state(id);
         let ready =
             pipelines.surface.is_ready(&cache) && ids().all(|id| matches!(state(id), CachedPipelineState::Ok(_)));
         let failed = pipelines.surface.has_failed(&cache) || ids().any(|id| has_failed(state(id)));
+        let view_pipelines = match (under_sky, skies.environment_maps(gi, view)) {
+            (None, _) | (_, EnvironmentMaps::Kept) => kept,
+            (Some(under_sky), _) => under_sky,
+        };
         let mut view = commands.entity(entity);
         if ready {
             view.insert((view_pipelines, SkipDeferredLighting));

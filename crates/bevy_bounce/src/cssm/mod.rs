@@ -116,7 +116,8 @@ pub struct CssmObject {
 #[reflect(Component, Debug, Clone, PartialEq)]
 pub struct CssmPart(pub u32);
 
-/// How often the texels of baked objects were lit: it rises in frames in which something changed. For measurements.
+/// How often the texels of baked objects were lit: it rises in frames in which something changed, and begins anew after frames in
+/// which no camera asks for them. For measurements.
 pub fn times_lit(render_world: &World) -> u64 {
     render_world.get_resource::<Baked>().map_or(0, |baked| baked.times_lit)
 }

@@ -150,7 +150,7 @@ pub(super) fn extract_objects(
         }
     }
     if extracted.bounces == 0 {
-        if is_stale {
+        if baked.is_some() {
             commands.remove_resource::<Baked>();
         }
         return;
@@ -159,6 +159,7 @@ pub(super) fn extract_objects(
     prepared.hold(loaded.iter().map(|object| (object.asset, object.file)));
     let assets: Vec<_> = loaded.iter().map(|object| object.asset).collect();
     let held = baked.as_deref().filter(|baked| baked.assets == assets && !is_stale);
+    let times_lit = baked.as_deref().map_or(0, |baked| baked.times_lit);
     let fresh = held.is_none().then(|| {
         let (baked, too_large) =
             Baked::new(&device, loaded.iter().map(|object| (object.asset, object.file)), &prepared);
@@ -170,7 +171,7 @@ pub(super) fn extract_objects(
                 );
             }
         }
-        baked
+        Baked { times_lit, ..baked }
     });
     let Some(baked) = held.or(fresh.as_ref()) else { return };
     let lit: Vec<_> = loaded.iter().zip(&baked.fits).filter(|(_, fits)| **fits).map(|(object, _)| object).collect();

@@ -9,6 +9,7 @@ use bevy_bounce_shaders::types::CssmGather;
 
 use super::object::CssmView;
 use super::prepare::Baked;
+use crate::Technique;
 use crate::view::{GiView, ViewTextures};
 
 /// Frames that are averaged.
@@ -55,12 +56,14 @@ impl PixelLight {
     }
 }
 
-type Drawn<'w> = (&'w GiView, &'w ViewTextures, &'w ExtractedCamera, &'w ExtractedView, Option<&'w TemporalJitter>);
+type Drawn<'w> =
+    (&'w CssmView, &'w GiView, &'w ViewTextures, &'w ExtractedCamera, &'w ExtractedView, Option<&'w TemporalJitter>);
 
-/// Tells pixels how to gather, and whether what is kept of their light still holds.
+/// Tells pixels how to gather, and whether what is kept of their light still holds; takes that from views that are no longer lit by
+/// baked objects.
 pub(super) fn prepare_pixels(
     mut commands: Commands,
-    mut views: Query<(Entity, &CssmView, Drawn, Option<&mut PixelLight>)>,
+    mut views: Query<(Entity, Option<Drawn>, Option<&mut PixelLight>), Or<(With<CssmView>, With<PixelLight>)>>,
     baked: Option<Res<Baked>>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
@@ -69,7 +72,12 @@ pub(super) fn prepare_pixels(
     let (is_lit, times_lit) = baked.map_or((false, 0), |baked| (baked.is_lit(), baked.times_lit));
     let times_lit = times_lit + u64::from(!is_lit);
     let most = device.limits().max_storage_buffer_binding_size;
-    for (entity, CssmView(gather), (gi, textures, camera, view, jitter), light) in &mut views {
+    for (entity, drawn, light) in &mut views {
+        let drawn = drawn.filter(|(_, gi, ..)| gi.technique == Technique::SurfaceRadiosity);
+        let Some((CssmView(gather), gi, textures, camera, view, jitter)) = drawn else {
+            commands.entity(entity).remove::<(CssmView, PixelLight)>();
+            continue;
+        };
         let glossy = textures.glossy.is_some();
         let texels = u64::from(textures.size.x) * u64::from(textures.size.y);
         let bytes = texels * KEPT_BYTES * (1 + u64::from(glossy));

@@ -7,7 +7,7 @@ use bevy::prelude::*;
 #[reflect(Default)]
 pub struct CssmSettings {
     /// Steps of 1/255 of the display's brightness, after exposure and tone mapping, 0.05 to 128: texels are taken together
-    /// where the light from all of them is less. Less is more exact and calmer; cost is about its inverse.
+    /// where the light from all of them is less. Less is finer and calmer; cost is about its inverse.
     #[reflect(@0.05..=128.0_f32)]
     pub error: f32,
     /// How visibility is looked up.

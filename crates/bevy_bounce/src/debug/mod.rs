@@ -1,8 +1,8 @@
 //! For looking at what is going on: pictures of what lies between the scene and its light, and virtual lights as gizmos.
 //!
 //! [`GiIsolate`](crate::GiIsolate) on a camera chooses what its picture holds: one term alone, or an intermediate: voxels as rays meet them,
-//! shadow maps of the virtual lights, clusters of the radiance caches, what pixels gather from baked objects. [`GiGizmos`] draws the virtual lights over any picture. Both are reflected, so
-//! that an inspector finds them; `bevy_bounce_egui` shows both.
+//! shadow maps of the virtual lights, clusters of the radiance caches, what pixels gather from baked objects. [`GiGizmos`] draws the
+//! virtual lights over any picture. Both are reflected, so that an inspector finds them; `bevy_bounce_egui` shows both.
 //!
 //! # Cost
 //!
@@ -43,8 +43,7 @@ impl Plugin for GiDebugPlugin {
         configure_stages(render_app);
         render_app
             .insert_resource(read_back)
-            .init_resource::<views::PictureKernels>()
-            .add_systems(RenderStartup, forget_resource::<gizmos::Reading>)
+            .add_systems(RenderStartup, (views::forget_kernels, forget_resource::<gizmos::Reading>))
             .add_systems(ExtractSchedule, gizmos::extract)
             .add_systems(Render, gizmos::read_lights.after(RenderSystems::Render).before(RenderSystems::Cleanup))
             .add_systems(Core3d, views::draw_picture.after(Core3dSystems::MainPass).before(ViewPass::Isolate));

@@ -34,6 +34,11 @@ const GROUP: u32 = 64;
 #[derive(Resource, Default)]
 pub(super) struct PictureKernels(HashMap<(GiIsolate, bool), Kernel>);
 
+/// A new device knows none of them.
+pub(super) fn forget_kernels(mut commands: Commands) {
+    commands.insert_resource(PictureKernels::default());
+}
+
 impl PictureKernels {
     fn get(&mut self, isolate: GiIsolate, glossy: bool, cache: &PipelineCache, shaders: &GiShaders) -> &Kernel {
         self.0.entry((isolate, glossy)).or_insert_with(|| kernel(isolate, glossy, cache, shaders))

@@ -4,7 +4,7 @@ use bevy::math::bounding::Aabb3d;
 use bevy::prelude::*;
 use bevy::render::render_resource::{BindingResource, Buffer, BufferDescriptor, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy_bounce_shaders::types::Scene;
+use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, Scene};
 
 use super::bounds::Bounds;
 use super::deform::DeformJobs;
@@ -46,6 +46,7 @@ pub(crate) struct SceneBuffers {
     pose_bytes: u64,
     light_revision: u64,
     sky_count: u32,
+    has_directional_lights: bool,
 }
 
 impl SceneBuffers {
@@ -75,6 +76,7 @@ impl SceneBuffers {
             pose_bytes: 0,
             light_revision: 0,
             sky_count: 0,
+            has_directional_lights: false,
         }
     }
 
@@ -117,6 +119,11 @@ impl SceneBuffers {
     /// Directional lights that stand for the sky; 0 without one.
     pub fn sky_count(&self) -> u32 {
         self.sky_count
+    }
+
+    /// Whether paths may start at directional lights, those of the sky among them.
+    pub fn has_directional_lights(&self) -> bool {
+        self.has_directional_lights || self.sky_count > 0
     }
 
     /// Sets that number for this frame, before the upload.
@@ -223,6 +230,7 @@ pub(super) fn upload_scene(
     follow(&mut buffers.geometry, Some(&geometry.buffer));
     follow(&mut buffers.thumbnails, Some(&thumbnails.buffer));
 
+    buffers.has_directional_lights = lights.table.values().iter().any(|light| light.kind == LIGHT_DIRECTIONAL);
     buffers.bounds = instances.bounds();
     buffers.regions.clone_from(&regions);
     let chunks = occluders.chunks.values();
