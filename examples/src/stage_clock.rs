@@ -77,7 +77,12 @@ impl Plugin for StageClockPlugin {
                     view(None).after(deferred_lighting).before(ViewPass::Surface),
                     view(Some("gbuffer")).after(ViewPass::Surface).before(ViewPass::Direct),
                     view(Some("direct")).after(ViewPass::Direct).before(ViewPass::Shade),
-                    view(Some("interleaved")).after(ViewPass::Shade).before(ViewPass::Compensate),
+                    view(Some("interleaved")).after(ViewPass::Shade).before(ViewPass::CacheDistribution),
+                    view(Some("cache_distribution"))
+                        .after(ViewPass::CacheDistribution)
+                        .before(ViewPass::CacheCreation),
+                    view(Some("cache_creation")).after(ViewPass::CacheCreation).before(ViewPass::CacheEvaluation),
+                    view(Some("cache_evaluation")).after(ViewPass::CacheEvaluation).before(ViewPass::Compensate),
                     view(Some("ssbc")).after(ViewPass::Compensate).before(ViewPass::History),
                     view(Some("history")).after(ViewPass::History).before(ViewPass::Compose),
                     view(Some("compose")).after(ViewPass::Compose).before(main_opaque_pass_3d),

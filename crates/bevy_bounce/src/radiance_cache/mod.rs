@@ -101,6 +101,13 @@ impl Plugin for RadianceCachePlugin {
                 ),
             )
             .add_systems(RenderGraph, light::light_voxels.in_set(GiSystems::VoxelLight))
-            .add_systems(Core3d, passes::light_pixels.in_set(ViewPass::Shade));
+            .add_systems(
+                Core3d,
+                (
+                    passes::distribute.in_set(ViewPass::CacheDistribution),
+                    passes::create.in_set(ViewPass::CacheCreation),
+                    passes::evaluate.in_set(ViewPass::CacheEvaluation),
+                ),
+            );
     }
 }

@@ -5,7 +5,9 @@ use bevy::prelude::*;
 use bevy_bounce::{
     GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, Resolution, Technique, VoxelizedMesh,
 };
-use bevy_bounce_examples::scenes::{Builder, CornellPlugin, Walls};
+use bevy::render::renderer::RenderDevice;
+use bevy_bounce_examples::Run;
+use bevy_bounce_examples::scenes::{Builder, CornellPlugin, ShowroomPlugin, Walls};
 use bevy_bounce_tests::balls::ball_ratios;
 use bevy_bounce_tests::metrics::{Bounds, Metrics, compare};
 use bevy_bounce_tests::picture::Picture;
@@ -14,7 +16,7 @@ use bevy_bounce_tests::stage::{SMALL, Stage, illumination, run};
 
 const SIZE: UVec2 = UVec2::new(64, 36);
 
-fn cached(settings: GiSettings) -> GlobalIllumination {
+pub fn cached(settings: GiSettings) -> GlobalIllumination {
     GlobalIllumination { technique: Technique::RadianceCache, quality: Quality::Custom(settings), ..default() }
 }
 
@@ -86,6 +88,27 @@ fn frames_are_the_same_to_the_byte_and_follow_every_change() {
     assert!(first != stage.settled_picture());
     stage.light_by(cached(SMALL));
     assert!(first == stage.settled_picture(), "another technique left something behind");
+}
+
+/// The limits change no pixel by more than can be seen.
+#[test]
+fn webgpu_limits_give_the_same_picture() {
+    let settings = GiSettings { grid: 64, ..with(RadianceCacheSettings { glossy: true, ..default() }) };
+    for light in [cached(settings), illumination(settings)] {
+        let technique = light.technique;
+        let [low, adapters] = [true, false].map(|webgpu_limits| {
+            let run = Run { webgpu_limits, ..run(SIZE, Some(light.clone())) };
+            let mut stage = Stage::with_run(run, |app| {
+                app.add_plugins(ShowroomPlugin);
+            });
+            let limits = stage.render_world().resource::<RenderDevice>().limits();
+            assert_eq!(limits.max_storage_buffers_per_shader_stage == 8, webgpu_limits, "{limits:?}");
+            stage.picture()
+        });
+        let metrics = Metrics::new(&low, &adapters).expect("sizes are equal");
+        println!("{technique:?}: {metrics:?}");
+        assert!(low.mean_luminance() > 0.0 && metrics.flip <= 0.01, "{technique:?}: {metrics:?}");
+    }
 }
 
 /// Three metres a side; walls emit as much and reflect nothing.
