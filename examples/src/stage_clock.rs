@@ -78,9 +78,7 @@ impl Plugin for StageClockPlugin {
                     view(Some("gbuffer")).after(ViewPass::Surface).before(ViewPass::Direct),
                     view(Some("direct")).after(ViewPass::Direct).before(ViewPass::Shade),
                     view(Some("interleaved")).after(ViewPass::Shade).before(ViewPass::CacheDistribution),
-                    view(Some("cache_distribution"))
-                        .after(ViewPass::CacheDistribution)
-                        .before(ViewPass::CacheCreation),
+                    view(Some("cache_distribution")).after(ViewPass::CacheDistribution).before(ViewPass::CacheCreation),
                     view(Some("cache_creation")).after(ViewPass::CacheCreation).before(ViewPass::CacheEvaluation),
                     view(Some("cache_evaluation")).after(ViewPass::CacheEvaluation).before(ViewPass::Compensate),
                     view(Some("ssbc")).after(ViewPass::Compensate).before(ViewPass::History),

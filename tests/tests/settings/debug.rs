@@ -4,11 +4,11 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use bevy::prelude::*;
+use bevy_bounce::radiance_cache::cache_counts;
 use bevy_bounce::{
     GiGizmos, GiIsolate, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, SsbcSettings, Technique,
     VplVisibility, gpu_memory, vpl_count,
 };
-use bevy_bounce::radiance_cache::cache_counts;
 use bevy_bounce_examples::scenes::CornellPlugin;
 use bevy_bounce_tests::metrics::Metrics;
 use bevy_bounce_tests::picture::Picture;

@@ -206,14 +206,12 @@ pub(super) fn evaluate(
 ) {
     let (gi, textures, held, prepass, offset) = view.into_inner();
     let (Some(p), Some(light)) = (pipelines, light) else { return };
-    let (Some(view), Some(deferred), Some(glossy), Some(parameters)) = (
-        view_binding(&view_uniforms, offset),
-        prepass.deferred_view(),
-        &textures.glossy,
-        held.parameters.binding(),
-    ) else {
+    let (Some(view), Some(deferred), Some(parameters)) =
+        (view_binding(&view_uniforms, offset), prepass.deferred_view(), held.parameters.binding())
+    else {
         return;
     };
+    let (Some(glossy), Some(coat)) = (&textures.glossy, &textures.coat) else { return };
     let diffuse = gi.technique == Technique::RadianceCache;
     let evaluate = p.evaluate(diffuse);
     let bindings = [
@@ -228,9 +226,10 @@ pub(super) fn evaluate(
         whole(&held.ranges),
         whole(&held.counters),
         texture(glossy),
+        texture(coat),
         texture(&textures.indirect),
     ];
-    let bindings = if diffuse { &bindings[..] } else { &bindings[..11] };
+    let bindings = if diffuse { &bindings[..] } else { &bindings[..12] };
     let group = evaluate.bind(ctx.render_device(), &cache, bindings);
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();

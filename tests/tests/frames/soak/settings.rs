@@ -27,8 +27,8 @@ pub fn illumination(random: &mut Rng) -> GlobalIllumination {
 /// What a picture holds.
 pub fn isolate(random: &mut Rng) -> GiIsolate {
     use GiIsolate::{
-        All, BakedAtlas, Bounded, Caches, Clusters, CutSize, Direct, Glossy, Indirect, Irradiance, Residual, ShadowAtlas,
-        Split, TreeLevels, VoxelAlbedo, VoxelLevels, VoxelLight, VoxelNormal,
+        All, BakedAtlas, Bounded, Caches, Clusters, CutSize, Direct, Glossy, Indirect, Irradiance, Residual,
+        ShadowAtlas, Split, TreeLevels, VoxelAlbedo, VoxelLevels, VoxelLight, VoxelNormal,
     };
     let light = [All, All, All, All, Direct, Indirect, Bounded, Residual, Split, Glossy, Irradiance];
     let voxels = [VoxelAlbedo, VoxelNormal, VoxelLight, VoxelLevels];
