@@ -122,7 +122,6 @@ shaders! {
     "compose/gbuffer.wgsl" => [],
     "compose/direct.wgsl" => [],
     "compose/compose.wgsl" => [],
-    "compose/missed.wgsl" => ["mark_missed"],
     "debug/voxels.wgsl" => ["show_voxels"],
     "debug/atlas.wgsl" => ["show_atlas"],
     "debug/clusters.wgsl" => ["show_clusters"],

@@ -10,8 +10,7 @@
 /// Bevy's `PbrDeferredLightingDepthId`: which deferred pixels are lit as standard materials.
 @group(2) @binding(0) var<uniform> lighting_pass_id: u32;
 /// Layer 0: direct light; layer 1: irradiance of bounced light over pi; then, each where there is such light: what is mirrored of the
-/// sky, and what of the sky is seen, two layers; bounced light convolved with the surface's lobe, and with its clearcoat's; where
-/// screen-space reflections met nothing. All light is pre-exposed.
+/// sky, and what of the sky is seen, two layers; bounced light convolved with the surface's lobe, and with its clearcoat's. All light is pre-exposed.
 @group(2) @binding(1) var light_texture: texture_2d_array<f32>;
 
 const SKY_LAYER: i32 = 2;
@@ -22,9 +21,6 @@ const GLOSSY_LAYER: i32 = 2;
 #endif
 #ifdef COMPOSE_COAT
 const COAT_LAYER: i32 = GLOSSY_LAYER + 1;
-const MISSED_LAYER: i32 = COAT_LAYER + 1;
-#else
-const MISSED_LAYER: i32 = GLOSSY_LAYER + 1;
 #endif
 
 /// A triangle over the whole target, at the depth that stands for the lighting pass id (`DeferredLightingIdDepthTexture`).
@@ -53,7 +49,7 @@ fn reflected(f_zero: vec3<f32>, f_ab: vec2<f32>) -> Reflected {
     return Reflected(once, often, 1.0 - (once + often));
 }
 
-/// What screen-space reflections take from caches where they meet something: they reflect the same light, and fade out with roughness
+/// What screen-space reflections take from caches, also where they meet nothing: they reflect the same light, and fade out with roughness
 /// and towards the picture's edges, as in bevy_pbr/src/ssr/ssr.wgsl.
 fn taken_by_screen_space(surface: PbrInput, pixel: vec2<i32>) -> f32 {
 #ifdef SCREEN_SPACE_REFLECTIONS
@@ -221,23 +217,6 @@ fn isolate_irradiance(@builtin(position) position: vec4<f32>) -> @location(0) ve
     let pixel = view_pixel(vec2<i32>(position.xy));
     return vec4<f32>(select(vec3<f32>(0.0), textureLoad(light_texture, pixel, 1, 0).rgb, is_lit(pixel)), 1.0);
 }
-
-#ifdef COMPOSE_GLOSSY
-/// What screen-space reflections took from caches and met nothing for; to be added to the picture.
-@fragment
-fn give_back_missed(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f32> {
-    let target_pixel = vec2<i32>(position.xy);
-    let pixel = view_pixel(target_pixel);
-    let size = vec2<i32>(view_bindings::view.main_pass_viewport.zw);
-    let inside = all(pixel >= vec2<i32>(0)) && all(pixel < size);
-    if !inside || !is_lit(pixel) || textureLoad(light_texture, pixel, MISSED_LAYER, 0).r == 0.0 {
-        return vec4<f32>(0.0);
-    }
-    let surface = load_pbr_input(target_pixel);
-    let light = glossy_radiance(surface, pixel) * taken_by_screen_space(surface, pixel);
-    return vec4<f32>(reflected_light(surface, vec3<f32>(0.0), light), 0.0);
-}
-#endif
 
 /// What was drawn over the bounced light.
 @fragment

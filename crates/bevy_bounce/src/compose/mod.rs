@@ -193,10 +193,6 @@ impl Plugin for GiComposePlugin {
                     passes::surface_pass.in_set(ViewPass::Surface),
                     passes::direct_pass.in_set(ViewPass::Direct),
                     passes::compose_pass.in_set(ViewPass::Compose),
-                    passes::missed_pass
-                        .in_set(Core3dSystems::MainPass)
-                        .after(screen_space_reflections)
-                        .before(main_opaque_pass_3d),
                     passes::isolate_pass.in_set(ViewPass::Isolate),
                 ),
             );

@@ -5,8 +5,8 @@ use std::num::NonZeroU64;
 use bevy::camera::{MainPassResolutionOverride, Viewport};
 use bevy::core_pipeline::deferred::copy_lighting_id::DeferredLightingIdDepthTexture;
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::pbr::MeshViewBindGroup;
 use bevy::pbr::deferred::{PbrDeferredLightingDepthId, SkipDeferredLighting};
-use bevy::pbr::{MeshViewBindGroup, ScreenSpaceReflectionsPipelineId};
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -180,57 +180,6 @@ pub(super) fn compose_pass(
         draw(&mut pass, pipeline, view_bindings, &group);
     }
     span.end(ctx.command_encoder());
-}
-
-/// Where screen-space reflections met nothing, the light of caches that they took, into the picture again. They leave the picture without
-/// them in the target's other texture.
-pub(super) fn missed_pass(
-    view: ViewQuery<
-        (
-            &ViewTextures,
-            &ViewPipelines,
-            &MeshViewBindGroup,
-            &ViewTarget,
-            &ScreenSpaceReflectionsPipelineId,
-            &PassIdIndex,
-            &ViewUniformOffset,
-        ),
-        With<SkipDeferredLighting>,
-    >,
-    pipelines: Res<ComposePipelines>,
-    cache: Res<PipelineCache>,
-    view_uniforms: Res<ViewUniforms>,
-    pass_ids: PassIds,
-    mut ctx: RenderContext,
-) {
-    let (textures, view_pipelines, view_bindings, target, reflections, pass_id, view_offset) = view.into_inner();
-    let (Some(pipeline), Some(_), Some(missed), Some(view_uniforms)) = (
-        view_pipelines.missed.and_then(|id| cache.get_render_pipeline(id)),
-        cache.get_render_pipeline(**reflections),
-        &textures.missed,
-        view_uniforms.uniforms.buffer(),
-    ) else {
-        return;
-    };
-    let Some(group) = compose_group(&ctx, &cache, &pipelines, &pass_ids, pass_id, textures) else { return };
-    let marks = pipelines.missed.bind(
-        ctx.render_device(),
-        &cache,
-        &[
-            element(view_uniforms, view_offset.offset, ViewUniform::min_size()),
-            BindingResource::TextureView(target.main_texture_other_view()),
-            BindingResource::TextureView(target.main_texture_view()),
-            BindingResource::TextureView(missed),
-        ],
-    );
-    let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE)).extend(1);
-    pipelines.missed.dispatch(ctx.command_encoder(), &cache, &[&marks], tiles);
-    let mut pass = ctx.begin_tracked_render_pass(RenderPassDescriptor {
-        label: Some("bounce_missed"),
-        color_attachments: &[Some(target.get_color_attachment())],
-        ..default()
-    });
-    draw(&mut pass, pipeline, view_bindings, &group);
 }
 
 /// One term or a picture alone over the finished main pass, where [`GiIsolate`](crate::GiIsolate) asks for it.

@@ -9,10 +9,10 @@ use bevy::pbr::{MeshPipeline, MeshPipelineKey, MeshPipelineViewLayout, MeshPipel
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{texture_2d, texture_2d_array, texture_storage_2d, uniform_buffer};
 use bevy::render::render_resource::{
-    BindGroupLayoutDescriptor, BindGroupLayoutEntries, BlendComponent, BlendFactor, BlendOperation, BlendState,
-    CachedPipelineState, CachedRenderPipelineId, ColorTargetState, ColorWrites, CompareFunction, DepthBiasState,
-    DepthStencilState, FragmentState, PipelineCache, RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline,
-    SpecializedRenderPipelines, StencilState, StorageTextureAccess, TextureFormat, TextureSampleType, VertexState,
+    BindGroupLayoutDescriptor, BindGroupLayoutEntries, CachedPipelineState, CachedRenderPipelineId, ColorTargetState,
+    ColorWrites, CompareFunction, DepthBiasState, DepthStencilState, FragmentState, PipelineCache,
+    RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, SpecializedRenderPipelines, StencilState,
+    StorageTextureAccess, TextureFormat, TextureSampleType, VertexState,
 };
 use bevy::render::view::{ExtractedView, ViewUniform};
 use bevy::shader::{Shader, ShaderDefVal};
@@ -26,20 +26,6 @@ use crate::{GiIsolate, Technique};
 const PCSS_BINDING: u32 = 4;
 const DFG_LUT_BINDING: u32 = 37;
 
-/// Light is added to what is there; alpha stays.
-const ADDED: BlendState = BlendState {
-    color: BlendComponent {
-        src_factor: BlendFactor::One,
-        dst_factor: BlendFactor::One,
-        operation: BlendOperation::Add,
-    },
-    alpha: BlendComponent {
-        src_factor: BlendFactor::Zero,
-        dst_factor: BlendFactor::One,
-        operation: BlendOperation::Add,
-    },
-};
-
 /// Layouts and shaders of the passes.
 #[derive(Resource)]
 pub(super) struct ComposePipelines {
@@ -49,8 +35,6 @@ pub(super) struct ComposePipelines {
     pub direct_layout: BindGroupLayoutDescriptor,
     /// Group 2 of the composing passes.
     pub compose_layout: BindGroupLayoutDescriptor,
-    /// Marks where screen-space reflections met nothing.
-    pub missed: Kernel,
     mesh_pipeline: MeshPipeline,
     fullscreen: FullscreenShader,
     direct_shader: Handle<Shader>,
@@ -96,12 +80,6 @@ impl SkyViews<'_> {
         if bounces && self.has_map(view) { EnvironmentMaps::under(gi.technique) } else { EnvironmentMaps::Kept }
     }
 
-    /// Whether a view has screen-space reflections.
-    pub fn has_reflections(&self, view: &ExtractedView) -> bool {
-        let key = self.keys.get(&view.retained_view_entity);
-        key.is_some_and(|key| key.contains(MeshPipelineKey::SCREEN_SPACE_REFLECTIONS))
-    }
-
     /// Whether what a view's surfaces mirror of the sky is shadowed.
     pub fn are_shadowed(&self, gi: &GiView, view: &ExtractedView) -> bool {
         self.environment_maps(gi, view) == EnvironmentMaps::Shadowed
@@ -129,13 +107,6 @@ pub(super) enum Pass {
         /// With a shadowed sky.
         sky: bool,
     },
-    /// What screen-space reflections took from glossy light where they met nothing, into the picture again.
-    Missed {
-        /// Clearcoats have glossy light of their own.
-        coat: bool,
-        /// With a shadowed sky.
-        sky: bool,
-    },
     /// Something alone over the finished picture.
     Isolate {
         /// With glossy bounced light.
@@ -156,15 +127,13 @@ pub(super) struct ViewPipelines {
     pub direct: CachedRenderPipelineId,
     /// Into the picture.
     pub compose: CachedRenderPipelineId,
-    /// What screen-space reflections missed, where there are such beside glossy light.
-    pub missed: Option<CachedRenderPipelineId>,
     /// Something alone over the finished picture, where that is asked for.
     pub isolate: Option<CachedRenderPipelineId>,
 }
 
 impl ViewPipelines {
     fn ids(&self) -> impl Iterator<Item = CachedRenderPipelineId> + use<> {
-        [Some(self.direct), Some(self.compose), self.missed, self.isolate].into_iter().flatten()
+        [Some(self.direct), Some(self.compose), self.isolate].into_iter().flatten()
     }
 }
 
@@ -208,28 +177,10 @@ pub(super) fn init_compose_pipelines(
             ),
         ),
     );
-    let picture = texture_2d(TextureSampleType::Float { filterable: false });
-    let missed = Kernel::new(
-        &cache,
-        &shaders,
-        KernelDescriptor {
-            path: "compose/missed.wgsl",
-            entry: "mark_missed",
-            bindings: &[
-                uniform_buffer::<ViewUniform>(false),
-                picture,
-                picture,
-                texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly),
-            ],
-            groups: &[],
-            defs: vec![],
-        },
-    );
     commands.insert_resource(ComposePipelines {
         surface,
         direct_layout,
         compose_layout,
-        missed,
         mesh_pipeline: mesh_pipeline.clone(),
         fullscreen: fullscreen.clone(),
         direct_shader: shaders.get("compose/direct.wgsl"),
@@ -286,18 +237,14 @@ impl SpecializedRenderPipeline for ComposePipelines {
         }
         if let Pass::Direct { glossy: true, .. }
         | Pass::Compose { glossy: true, .. }
-        | Pass::Missed { .. }
         | Pass::Isolate { glossy: true, .. } = pass
         {
             shader_defs.push("COMPOSE_GLOSSY".into());
         }
-        if let Pass::Compose { coat: true, .. } | Pass::Missed { coat: true, .. } | Pass::Isolate { coat: true, .. } =
-            pass
-        {
+        if let Pass::Compose { coat: true, .. } | Pass::Isolate { coat: true, .. } = pass {
             shader_defs.push("COMPOSE_COAT".into());
         }
-        if let Pass::Compose { sky: true, .. } | Pass::Missed { sky: true, .. } | Pass::Isolate { sky: true, .. } = pass
-        {
+        if let Pass::Compose { sky: true, .. } | Pass::Isolate { sky: true, .. } = pass {
             shader_defs.push("COMPOSE_SKY".into());
         }
         let shadowed = matches!(pass, Pass::Direct { environment_maps: EnvironmentMaps::Shadowed, .. });
@@ -310,7 +257,6 @@ impl SpecializedRenderPipeline for ComposePipelines {
         let (label, shader, entry_point, group_layout) = match pass {
             Pass::Direct { .. } => ("bounce_direct", &self.direct_shader, "fragment", &self.direct_layout),
             Pass::Compose { .. } => ("bounce_compose", &self.compose_shader, "compose", &self.compose_layout),
-            Pass::Missed { .. } => ("bounce_missed", &self.compose_shader, "give_back_missed", &self.compose_layout),
             Pass::Isolate { entry, .. } => ("bounce_isolate", &self.compose_shader, entry, &self.compose_layout),
         };
         let target = |format| Some(ColorTargetState { format, blend: None, write_mask: ColorWrites::ALL });
@@ -327,10 +273,6 @@ impl SpecializedRenderPipeline for ComposePipelines {
                     buffers: vec![],
                 };
                 (vertex, vec![target(key.target_format())], Some(lighting_pass_id_test()))
-            }
-            Pass::Missed { .. } => {
-                let over = target(key.target_format()).map(|target| ColorTargetState { blend: Some(ADDED), ..target });
-                (self.fullscreen.to_vertex_state(), vec![over], None)
             }
             Pass::Isolate { .. } => (self.fullscreen.to_vertex_state(), vec![target(key.target_format())], None),
         };
@@ -392,7 +334,6 @@ pub(super) fn prepare_compose_pipelines(
             continue;
         }
         let (glossy, coat) = (gi.settings.has_glossy_light(), gi.settings.radiance_cache.glossy);
-        let reflections = skies.has_reflections(view);
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, (key, pass));
         let mut all = |environment_maps| {
             let (indirect, sky) = (gi.isolate != GiIsolate::Direct, environment_maps == EnvironmentMaps::Shadowed);
@@ -400,7 +341,6 @@ pub(super) fn prepare_compose_pipelines(
             ViewPipelines {
                 direct: pipeline(Pass::Direct { environment_maps, glossy }),
                 compose: pipeline(Pass::Compose { indirect, glossy, coat, sky }),
-                missed: (indirect && glossy && reflections).then(|| pipeline(Pass::Missed { coat, sky })),
                 isolate: gi.isolate.is_alone().then(|| pipeline(isolate)),
             }
         };
@@ -413,9 +353,8 @@ pub(super) fn prepare_compose_pipelines(
         };
         let ids = || with_or_without.iter().flat_map(ViewPipelines::ids);
         let state = |id| cache.get_render_pipeline_state(id);
-        let ready = pipelines.surface.is_ready(&cache)
-            && pipelines.missed.is_ready(&cache)
-            && ids().all(|id| matches!(state(id), CachedPipelineState::Ok(_)));
+        let ready =
+            pipelines.surface.is_ready(&cache) && ids().all(|id| matches!(state(id), CachedPipelineState::Ok(_)));
         let failed = pipelines.surface.has_failed(&cache) || ids().any(|id| has_failed(state(id)));
         let mut view = commands.entity(entity);
         if ready {
