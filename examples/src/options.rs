@@ -164,10 +164,14 @@ pub enum IsolateOption {
     VoxelNormal,
     /// Light that voxels send
     VoxelLight,
+    /// The levels of that light that cones march through, side by side
+    VoxelLevels,
     /// Shadow maps of the virtual lights
     ShadowAtlas,
     /// Clusters of the radiance caches
     Clusters,
+    /// What the radiance caches hold
+    Caches,
     /// Nodes of baked hierarchies that each pixel gathers from
     CutSize,
     /// Baked hierarchies, level by level

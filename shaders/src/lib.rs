@@ -127,6 +127,8 @@ shaders! {
     "debug/voxels.wgsl" => ["show_voxels"],
     "debug/atlas.wgsl" => ["show_atlas"],
     "debug/clusters.wgsl" => ["show_clusters"],
+    "debug/caches.wgsl" => ["show_caches"],
+    "debug/levels.wgsl" => ["show_levels"],
     "debug/tree.wgsl" => ["show_tree"],
     "debug/baked_atlas.wgsl" => ["show_baked_atlas"],
 }

@@ -1,5 +1,6 @@
 //! A scene rendered without a window, frame by frame, with the helpers of the examples.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -12,6 +13,7 @@ use bevy_bounce::{
 use bevy_bounce_cssm::CssmFile;
 use bevy_bounce_examples::capture::{self, CaptureScene, Targets};
 use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
+use bevy_bounce_examples::stage_clock::{self, StageClock};
 use bevy_bounce_examples::{Run, app, headless};
 
 use crate::gpu::webgpu_limits;
@@ -133,6 +135,13 @@ impl Stage {
     /// The last frame as the display shows it: sRGB, four bytes a pixel.
     pub fn display(&self) -> Vec<u8> {
         self.read(&self.app.world().resource::<Targets>().display)
+    }
+
+    /// Milliseconds of the stages in so many more frames, on a software adapter with a
+    /// [`StageClockPlugin`](bevy_bounce_examples::stage_clock::StageClockPlugin).
+    pub fn stage_times(&mut self, frames: usize) -> BTreeMap<&'static str, Vec<f64>> {
+        stage_clock::measure(&mut self.app, frames).unwrap_or_else(|error| panic!("{error}"));
+        self.app.world().get_resource::<StageClock>().map(StageClock::stages).unwrap_or_default()
     }
 
     /// The texels of an image on the GPU.

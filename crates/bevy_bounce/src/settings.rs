@@ -193,7 +193,7 @@ impl GlobalIllumination {
     /// What it asks of the world stages.
     fn world_settings(&self, budget: Option<&GiBudget>, isolate: Option<&GiIsolate>) -> GiSettings {
         let mut settings = self.given(budget);
-        settings.radiance_cache.glossy |= isolate == Some(&GiIsolate::VoxelLight);
+        settings.radiance_cache.glossy |= isolate.is_some_and(|isolate| isolate.shows_voxel_light());
         if self.technique == Technique::RadianceCache {
             settings.visibility = VplVisibility::None;
             // Pixels see the voxels that virtual lights light: a bounce of its own.

@@ -9,9 +9,10 @@
 //! | `mirrored_sky` | rgba16float | what is mirrored of the sky; how wide the lobe is; where it is to be shadowed |
 //! | `sky_seen` | rg of rgba16float | share of the sky's light that is seen by a wide lobe and by a narrow one; where it is to be shadowed |
 //! | `glossy` | rgba16float | bounced light convolved with the lobe of the pixel's roughness; where it is asked for |
+//! | `coat` | rgba16float | the same with that of its clearcoat; where there are radiance caches |
 //! | `interleaved` | rgba16float | bounced light, half filtered; then what pixels send, for bias compensation; then bounced light averaged over frames |
 //!
-//! Light is pre-exposed: cd/m^2 times the view's exposure. `direct`, `indirect`, the two of the sky and `glossy` are the layers of one
+//! Light is pre-exposed: cd/m^2 times the view's exposure. `direct`, `indirect`, the two of the sky, `glossy` and `coat` are the layers of one
 //! array, so that the composing pass needs one binding for all: Bevy's view bindings leave no more of the 16 that WebGPU guarantees.
 
 use bevy::camera::MainPassResolutionOverride;
@@ -59,11 +60,13 @@ pub(crate) struct ViewTextures {
     pub interleaved: TextureView,
     /// Glossy bounced light, where the view asks for it.
     pub glossy: Option<TextureView>,
+    /// Bounced light that clearcoats reflect, where there are radiance caches.
+    pub coat: Option<TextureView>,
     /// What is mirrored of the sky, where that is to be shadowed.
     pub mirrored_sky: Option<TextureView>,
     /// What of the sky is seen, there.
     pub sky_seen: Option<TextureView>,
-    /// `direct`, `indirect`, `mirrored_sky`, `sky_seen` and `glossy` as layers of an array.
+    /// `direct`, `indirect`, `mirrored_sky`, `sky_seen`, `glossy` and `coat` as layers of an array.
     pub light: TextureView,
     textures: [Texture; 4],
 }
@@ -77,11 +80,15 @@ struct ViewLayout {
     sky: bool,
     /// There is glossy light.
     glossy: bool,
+    /// It is from radiance caches, and clearcoats have theirs.
+    coat: bool,
 }
 
 impl ViewTextures {
-    fn new(device: &RenderDevice, ViewLayout { size, sky, glossy }: ViewLayout) -> Self {
-        let sky_layers = if sky { 2 } else { 0 };
+    fn new(device: &RenderDevice, layout: ViewLayout) -> Self {
+        let ViewLayout { size, sky, glossy, coat } = layout;
+        let first_glossy = if sky { 4 } else { 2 };
+        let layers = first_glossy + u32::from(glossy) + u32::from(coat);
         let texture = |label, format, layers, usage| {
             device.create_texture(&TextureDescriptor {
                 label: Some(label),
@@ -97,7 +104,7 @@ impl ViewTextures {
         let half = TextureFormat::Rgba16Float;
         let (storage, target) = (TextureUsages::STORAGE_BINDING, TextureUsages::RENDER_ATTACHMENT);
         let surface = texture("bounce_surface", TextureFormat::Rg32Uint, 1, storage);
-        let light = texture("bounce_light", half, 2 + sky_layers + u32::from(glossy), storage | target);
+        let light = texture("bounce_light", half, layers, storage | target);
         let direct_diffuse = texture("bounce_direct_diffuse", half, 1, target);
         let interleaved = texture("bounce_interleaved", half, 1, storage);
         let layer = |layer| {
@@ -118,7 +125,8 @@ impl ViewTextures {
             interleaved: whole(&interleaved),
             mirrored_sky: sky.then(|| layer(2)),
             sky_seen: sky.then(|| layer(3)),
-            glossy: glossy.then(|| layer(2 + sky_layers)),
+            glossy: glossy.then(|| layer(first_glossy)),
+            coat: coat.then(|| layer(first_glossy + 1)),
             light: light
                 .create_view(&TextureViewDescriptor { dimension: Some(TextureViewDimension::D2Array), ..default() }),
             textures: [surface, light, direct_diffuse, interleaved],
@@ -126,7 +134,12 @@ impl ViewTextures {
     }
 
     fn layout(&self) -> ViewLayout {
-        ViewLayout { size: self.size, sky: self.sky_seen.is_some(), glossy: self.glossy.is_some() }
+        ViewLayout {
+            size: self.size,
+            sky: self.sky_seen.is_some(),
+            glossy: self.glossy.is_some(),
+            coat: self.coat.is_some(),
+        }
     }
 
     /// Names and sizes of what is held on the GPU, bytes.
@@ -170,7 +183,8 @@ pub(crate) fn prepare_view_textures(
     for (entity, gi, camera, view, resolution_override, textures) in &views {
         let size = main_pass_size(camera, view, resolution_override).filter(|size| size.max_element() <= limit);
         let (sky, glossy) = (skies.are_shadowed(gi, view), gi.settings.has_glossy_light());
-        let layout = size.map(|size| ViewLayout { size, sky, glossy });
+        let coat = gi.settings.radiance_cache.glossy;
+        let layout = size.map(|size| ViewLayout { size, sky, glossy, coat });
         if layout == textures.map(ViewTextures::layout) {
             continue;
         }

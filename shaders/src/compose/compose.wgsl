@@ -10,7 +10,7 @@
 /// Bevy's `PbrDeferredLightingDepthId`: which deferred pixels are lit as standard materials.
 @group(2) @binding(0) var<uniform> lighting_pass_id: u32;
 /// Layer 0: direct light; layer 1: irradiance of bounced light over pi; then, each where there is such light: what is mirrored of the
-/// sky, and what of the sky is seen, two layers; bounced light convolved with the surface's lobe. All light is pre-exposed.
+/// sky, and what of the sky is seen, two layers; bounced light convolved with the surface's lobe, and with its clearcoat's. All light is pre-exposed.
 @group(2) @binding(1) var light_texture: texture_2d_array<f32>;
 
 const SKY_LAYER: i32 = 2;
@@ -18,6 +18,9 @@ const SKY_LAYER: i32 = 2;
 const GLOSSY_LAYER: i32 = 4;
 #else
 const GLOSSY_LAYER: i32 = 2;
+#endif
+#ifdef COMPOSE_COAT
+const COAT_LAYER: i32 = GLOSSY_LAYER + 1;
 #endif
 
 /// A triangle over the whole target, at the depth that stands for the lighting pass id (`DeferredLightingIdDepthTexture`).
@@ -46,8 +49,9 @@ fn reflected(f_zero: vec3<f32>, f_ab: vec2<f32>) -> Reflected {
     return Reflected(once, often, 1.0 - (once + often));
 }
 
-/// What screen-space reflections leave to caches: they reflect the same light where they run, and fade out with roughness.
-fn left_by_screen_space(surface: PbrInput) -> f32 {
+/// What screen-space reflections take from caches, also where they meet nothing: they reflect the same light, and fade out with roughness
+/// and towards the picture's edges, as in bevy_pbr/src/ssr/ssr.wgsl.
+fn taken_by_screen_space(surface: PbrInput, pixel: vec2<i32>) -> f32 {
 #ifdef SCREEN_SPACE_REFLECTIONS
     let settings = view_bindings::ssr_settings;
     let roughness = surface.material.perceptual_roughness;
@@ -60,21 +64,49 @@ fn left_by_screen_space(surface: PbrInput) -> f32 {
     } else {
         fade *= 1.0 - smoothstep(settings.max_perceptual_roughness_starts_to_fade, settings.max_perceptual_roughness, roughness);
     }
-    return 1.0 - fade;
+    let uv = (vec2<f32>(pixel) + 0.5) / view_bindings::view.main_pass_viewport.zw;
+    let from_edge = min(uv, 1.0 - uv);
+    let outer = settings.edge_fadeout_no_longer_active;
+    let inner = settings.edge_fadeout_fully_active;
+    var within = step(vec2<f32>(outer), from_edge);
+    if outer < inner {
+        within = smoothstep(vec2<f32>(outer), vec2<f32>(inner), from_edge);
+    }
+    return fade * within.x * within.y;
 #else
-    return 1.0;
+    return 0.0;
 #endif
 }
 
 /// Bounced light that the surface sends on.
 fn indirect_light(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
     let irradiance = textureLoad(light_texture, pixel, 1, 0).rgb * surface.diffuse_occlusion;
-    return reflected_light(surface, irradiance, glossy_radiance(surface, pixel));
+    let radiance = glossy_radiance(surface, pixel) * (1.0 - taken_by_screen_space(surface, pixel));
+    return reflected_light(surface, irradiance, radiance) + coat_light(surface, pixel);
+}
+
+/// What a clearcoat reflects: Filament's, as Bevy lights it by environment maps.
+fn coat_share(surface: PbrInput) -> f32 {
+#ifdef COMPOSE_COAT
+    let n_dot_v = max(dot(surface.clearcoat_N, surface.V), 0.0001);
+    return surface.material.clearcoat * lighting::F_Schlick(0.04, 1.0, n_dot_v);
+#else
+    return 0.0;
+#endif
+}
+
+/// Bounced light that a clearcoat reflects.
+fn coat_light(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
+#ifdef COMPOSE_COAT
+    return textureLoad(light_texture, pixel, COAT_LAYER, 0).rgb * (coat_share(surface) * surface.specular_occlusion);
+#else
+    return vec3<f32>(0.0);
+#endif
 }
 
 /// Bounced light convolved with the surface's lobe.
 fn glossy_radiance(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
-    return textureLoad(light_texture, pixel, GLOSSY_LAYER, 0).rgb * (surface.specular_occlusion * left_by_screen_space(surface));
+    return textureLoad(light_texture, pixel, GLOSSY_LAYER, 0).rgb * surface.specular_occlusion;
 }
 
 fn reflected_light(surface: PbrInput, irradiance: vec3<f32>, radiance: vec3<f32>) -> vec3<f32> {
@@ -84,7 +116,10 @@ fn reflected_light(surface: PbrInput, irradiance: vec3<f32>, radiance: vec3<f32>
     let metallic = reflected(material.base_color.rgb, f_ab);
     let once = mix(dielectric.once, metallic.once, material.metallic);
     let often = mix(dielectric.often, metallic.often, material.metallic);
-    return once * radiance + (often + diffuse_color(surface) * dielectric.left) * irradiance;
+    // Through the coat once for diffuse light, in and out for what is mirrored.
+    let through = 1.0 - coat_share(surface);
+    let diffuse = (often + diffuse_color(surface) * dielectric.left) * irradiance;
+    return once * radiance * (through * through) + diffuse * through;
 }
 #else
 /// Bounced light that the surface sends on.
@@ -168,7 +203,9 @@ fn isolate_glossy(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f
 #ifdef COMPOSE_GLOSSY
     if is_lit(pixel) {
         let surface = load_pbr_input(target_pixel);
-        color = vec4<f32>(reflected_light(surface, vec3<f32>(0.0), glossy_radiance(surface, pixel)), 1.0);
+        let left = 1.0 - taken_by_screen_space(surface, pixel);
+        let base = reflected_light(surface, vec3<f32>(0.0), glossy_radiance(surface, pixel) * left);
+        color = vec4<f32>(base + coat_light(surface, pixel), 1.0);
     }
 #endif
     return color;

@@ -4,7 +4,9 @@
 // pixels it stands. None of that is zero for the cache of a pixel's own cluster, which is always within both radii: every pixel has
 // light.
 //
-// Cost: some fifty caches a pixel, of which about fifteen are near; twelve filtered loads each.
+// Light that a clearcoat reflects is gathered apart, for Bevy weighs it by the surface's normal and the coat's strength.
+//
+// Cost: some fifty caches a pixel, of which about fifteen are near; two filtered loads each, one more for diffuse light and two for a coat.
 
 #import bevy_render::view::View
 #import bevy_bounce::interleaved::surface::{Surface, unpack_surface}
@@ -26,8 +28,9 @@
 @group(0) @binding(8) var<storage, read> ranges: array<vec2<u32>>;
 @group(0) @binding(9) var<storage, read_write> missing: array<atomic<u32>>;
 @group(0) @binding(10) var glossy: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(11) var coat: texture_storage_2d<rgba16float, write>;
 #ifdef DIFFUSE
-@group(0) @binding(11) var diffuse: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(12) var diffuse: texture_storage_2d<rgba16float, write>;
 #endif
 
 /// Where in the counters that of pixels without light is.
@@ -35,11 +38,18 @@ const COUNTER_MISSING: u32 = 4u;
 /// What a cache that faces the other way counts, of one that faces as the pixel does.
 const LEAST_FACING: f32 = 1e-4;
 
+// What a pixel reflects: towards where, and at which level. No strength, no light.
+struct Lobe {
+    direction: vec3<f32>,
+    level: f32,
+    strength: f32,
+}
+
+// Sums of light times weight, and of weights.
 struct Lit {
-    diffuse: vec3<f32>,
-    diffuse_weight: f32,
-    glossy: vec3<f32>,
-    glossy_weight: f32,
+    diffuse: vec4<f32>,
+    glossy: vec4<f32>,
+    coat: vec4<f32>,
 }
 
 // A level of a cache in a direction of its space.
@@ -54,7 +64,22 @@ fn fourth_power(x: f32) -> f32 {
     return x * x * x * x;
 }
 
-fn add_cache(lit: ptr<function, Lit>, index: u32, surface: Surface, pixel: vec2<f32>, lobe: vec3<f32>, level: f32) {
+fn make_lobe(surface: Surface, incident: vec3<f32>, roughness: f32, strength: f32) -> Lobe {
+    let mirrored = reflect(incident, surface.normal);
+    return Lobe(dominant_direction(surface.normal, mirrored, roughness * roughness), roughness_level(roughness), strength);
+}
+
+// A cache's light in a lobe times its weight; the weight.
+fn look_lobe(index: u32, cache: RadianceCache, lobe: Lobe, near: f32, facing: f32) -> vec4<f32> {
+    let toward = to_cache(cache.normal, lobe.direction);
+    let square = hemisphere_to_square(toward);
+    let first = u32(lobe.level);
+    let light = mix(look(index, first, square), look(index, min(first + 1u, 3u), square), fract(lobe.level));
+    let weight = near * (max(toward.z, 0.0) * fourth_power(facing) + LEAST_FACING);
+    return vec4<f32>(light * weight, weight);
+}
+
+fn add_cache(lit: ptr<function, Lit>, index: u32, surface: Surface, pixel: vec2<f32>, lobe: Lobe, coat_lobe: Lobe) {
     let cache = caches[index];
     let on_screen = (pixel - cache.screen) / (parameters.reach * f32(parameters.tile));
     let in_space = (surface.position - cache.position) / cache.radius;
@@ -62,30 +87,28 @@ fn add_cache(lit: ptr<function, Lit>, index: u32, surface: Surface, pixel: vec2<
     if near <= 0.0 {
         return;
     }
-#ifdef DIFFUSE
     let facing = max(dot(surface.normal, cache.normal), 0.0);
+#ifdef DIFFUSE
     let weight = near * (fourth_power(facing) + LEAST_FACING);
     let local = to_cache(cache.normal, surface.normal);
-    (*lit).diffuse += weight * look(index, DIFFUSE_LEVEL, hemisphere_to_square(local));
-    (*lit).diffuse_weight += weight;
+    (*lit).diffuse += vec4<f32>(look(index, DIFFUSE_LEVEL, hemisphere_to_square(local)) * weight, weight);
 #endif
-    let toward = to_cache(cache.normal, lobe);
-    let square = hemisphere_to_square(toward);
-    let first = u32(level);
-    let light = mix(look(index, first, square), look(index, min(first + 1u, 3u), square), fract(level));
-    let glossy_weight = near * (max(toward.z, 0.0) * fourth_power(max(dot(surface.normal, cache.normal), 0.0)) + LEAST_FACING);
-    (*lit).glossy += glossy_weight * light;
-    (*lit).glossy_weight += glossy_weight;
+    (*lit).glossy += look_lobe(index, cache, lobe, near, facing);
+    if coat_lobe.strength > 0.0 {
+        (*lit).coat += look_lobe(index, cache, coat_lobe, near, facing);
+    }
 }
 
-fn gather(surface: Surface, pixel: vec2<f32>, roughness: f32) -> Lit {
+fn gather(surface: Surface, pixel: vec2<f32>, deferred: vec4<u32>) -> Lit {
     let eye = view.world_position;
     var incident = normalize(surface.position - eye);
     if parameters.orthographic != 0u {
         incident = -view.world_from_view[2].xyz;
     }
-    let lobe = dominant_direction(surface.normal, reflect(incident, surface.normal), roughness * roughness);
-    let level = roughness_level(roughness);
+    let lobe = make_lobe(surface, incident, unpack4x8unorm(deferred.r).a, 1.0);
+    // Strength in fifteenths and roughness in thirtieths, as in bevy_pbr/src/deferred/pbr_deferred_functions.wgsl.
+    let coat_bits = deferred.b >> 24u;
+    let coat_lobe = make_lobe(surface, incident, f32(coat_bits >> 4u) / 30.0, f32(coat_bits & 15u) / 15.0);
     var lit: Lit;
     let radius = parameters.reach * f32(parameters.tile);
     let tiles = vec2<f32>(parameters.tiles) - 1.0;
@@ -95,11 +118,17 @@ fn gather(surface: Surface, pixel: vec2<f32>, roughness: f32) -> Lit {
         for (var x = first.x; x <= last.x; x++) {
             let range = ranges[y * parameters.tiles.x + x];
             for (var i = range.x; i < range.y; i++) {
-                add_cache(&lit, i, surface, pixel, lobe, level);
+                add_cache(&lit, i, surface, pixel, lobe, coat_lobe);
             }
         }
     }
     return lit;
+}
+
+// Mean of a sum, pre-exposed.
+fn exposed(sum: vec4<f32>) -> vec4<f32> {
+    let mean = sum.rgb * (unit[0] * view.exposure / max(sum.a, 1e-20));
+    return vec4<f32>(min(mean, vec3<f32>(6e4)), 1.0);
 }
 
 @compute @workgroup_size(8, 8)
@@ -111,16 +140,14 @@ fn evaluate(@builtin(global_invocation_id) id: vec3<u32>) {
     var lit: Lit;
     if surface.valid {
         let deferred = textureLoad(deferred_texture, id.xy + vec2<u32>(view.main_pass_viewport.xy), 0);
-        lit = gather(surface, vec2<f32>(id.xy) + 0.5, unpack4x8unorm(deferred.r).a);
-        if lit.glossy_weight <= 0.0 {
+        lit = gather(surface, vec2<f32>(id.xy) + 0.5, deferred);
+        if lit.glossy.a <= 0.0 {
             atomicAdd(&missing[COUNTER_MISSING], 1u);
         }
     }
-    let exposed = unit[0] * view.exposure;
-    let glossy_light = lit.glossy * (exposed / max(lit.glossy_weight, 1e-20));
-    textureStore(glossy, id.xy, vec4<f32>(min(glossy_light, vec3<f32>(6e4)), 1.0));
+    textureStore(glossy, id.xy, exposed(lit.glossy));
+    textureStore(coat, id.xy, exposed(lit.coat));
 #ifdef DIFFUSE
-    let diffuse_light = lit.diffuse * (exposed / max(lit.diffuse_weight, 1e-20));
-    textureStore(diffuse, id.xy, vec4<f32>(min(diffuse_light, vec3<f32>(6e4)), 1.0));
+    textureStore(diffuse, id.xy, exposed(lit.diffuse));
 #endif
 }

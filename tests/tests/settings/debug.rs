@@ -1,8 +1,10 @@
 //! Pictures of intermediates, and the gizmos.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use bevy::prelude::*;
+use bevy_bounce::radiance_cache::cache_counts;
 use bevy_bounce::{
     GiGizmos, GiIsolate, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, SsbcSettings, Technique,
     VplVisibility, gpu_memory, vpl_count,
@@ -99,6 +101,33 @@ fn voxels_look_like_the_room() {
     let energy = Metrics::new(&light, &whole).expect("sizes are equal").energy;
     println!("voxels send {energy:.3} of what is seen");
     assert!(light.nonfinite() == 0 && (0.5..2.0).contains(&energy), "{energy}");
+}
+
+/// Every level has about the light that voxels send, and is coarser than the one before; caches are shown one after the other.
+#[test]
+fn levels_and_caches_are_shown() {
+    let mut stage = cornell(SETTINGS);
+    let [levels, light] = [GiIsolate::VoxelLevels, GiIsolate::VoxelLight].map(|isolate| isolated(&mut stage, isolate));
+    // A grid of 32 has four levels.
+    let edge = |level: usize| level * SIZE.x as usize / 4;
+    for level in 0..4 {
+        let mean = |picture: &Picture| picture.mean_of(edge(level)..edge(level + 1), 0..SIZE.y as usize)[1];
+        let band = (edge(level)..edge(level + 1)).flat_map(|x| (0..SIZE.y as usize).map(move |y| (x, y)));
+        let colors: BTreeSet<[u32; 3]> = band.map(|(x, y)| levels.at(x, y).map(f32::to_bits)).collect();
+        println!("level {level}: {:.3} of the light, {} colours", mean(&levels) / mean(&light), colors.len());
+        assert!((0.5..2.0).contains(&(mean(&levels) / mean(&light))), "level {level}");
+    }
+    let caches = isolated(&mut stage, GiIsolate::Caches);
+    let count = cache_counts(stage.render_world_mut())[0].caches as usize;
+    let (columns, rows) = (SIZE.x as usize / 16, SIZE.y as usize / 32);
+    assert!(count > columns * rows, "{count} caches");
+    for index in 0..columns * rows {
+        let (x, y) = (index % columns * 16, index / columns * 32);
+        let [finest, coarse] = [y..y + 16, y + 16..y + 32].map(|y| caches.mean_of(x..x + 16, y)[1]);
+        assert!(finest > 0.0 && (0.4..2.5).contains(&(coarse / finest)), "cache {index}: {coarse} of {finest}");
+    }
+    stage.light_by(illumination(SMALL));
+    assert_eq!(isolated(&mut stage, GiIsolate::Caches).mean_luminance(), 0.0);
 }
 
 /// Light of voxels is there for the picture alone where no technique asks for it.
@@ -204,8 +233,10 @@ fn every_picture_is_another() {
         VoxelAlbedo,
         VoxelNormal,
         VoxelLight,
+        VoxelLevels,
         ShadowAtlas,
         Clusters,
+        Caches,
     ] {
         stage.world().entity_mut(camera).insert(isolate);
         look(&mut stage, format!("{isolate:?}"));

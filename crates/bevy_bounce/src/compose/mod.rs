@@ -64,10 +64,16 @@ pub enum GiIsolate {
     VoxelNormal,
     /// Light that they send, as radiance caches see it. Lights the voxels, whatever the technique.
     VoxelLight,
+    /// The levels that cones of radiance caches march through, light and coverage: bands side by side, the finest on the left, each of
+    /// the next with texels twice as wide. Lights the voxels, whatever the technique.
+    VoxelLevels,
     /// Shadow maps of the virtual lights, tile by tile in the order of their list: white is near, blue is empty.
     ShadowAtlas,
     /// Clusters of pixels that share a radiance cache, each in a colour of its own; where the caches are, white.
     Clusters,
+    /// What the radiance caches hold, one after the other in rows: the light from the 16x16 directions of a hemisphere; below, the same
+    /// convolved by three roughnesses and by a cosine.
+    Caches,
     /// How many nodes of baked objects' hierarchies each pixel gathers from: 0 black, 1 blue, 8 cyan, 64 green, 512 yellow, 4096 and
     /// more red.
     CutSize,
@@ -86,9 +92,14 @@ impl GiIsolate {
 
     /// Whether it is no light of the picture, but a [picture](crate::debug) of an intermediate.
     pub(crate) fn is_picture(self) -> bool {
-        use GiIsolate::{BakedAtlas, Clusters, CutSize, ShadowAtlas, TreeLevels, VoxelAlbedo, VoxelLight, VoxelNormal};
-        let of_voxels = matches!(self, VoxelAlbedo | VoxelNormal | VoxelLight);
-        of_voxels || matches!(self, ShadowAtlas | Clusters | CutSize | TreeLevels | BakedAtlas)
+        use GiIsolate::{BakedAtlas, Caches, Clusters, CutSize, ShadowAtlas, TreeLevels, VoxelAlbedo, VoxelNormal};
+        let of_voxels = matches!(self, VoxelAlbedo | VoxelNormal) || self.shows_voxel_light();
+        of_voxels || matches!(self, ShadowAtlas | Clusters | Caches | CutSize | TreeLevels | BakedAtlas)
+    }
+
+    /// Whether it shows the light of the voxels.
+    pub(crate) fn shows_voxel_light(self) -> bool {
+        matches!(self, Self::VoxelLight | Self::VoxelLevels)
     }
 }
 
@@ -101,6 +112,12 @@ pub enum ViewPass {
     Direct,
     /// Bounced light into `indirect`.
     Shade,
+    /// Where radiance caches are.
+    CacheDistribution,
+    /// What they hold.
+    CacheCreation,
+    /// Glossy light from them; with [`Technique::RadianceCache`](crate::Technique::RadianceCache) `indirect`, too.
+    CacheEvaluation,
     /// What bounding took from it is added.
     Compensate,
     /// It is averaged over frames.
@@ -153,6 +170,9 @@ impl Plugin for GiComposePlugin {
                     ViewPass::Surface,
                     ViewPass::Direct,
                     ViewPass::Shade,
+                    ViewPass::CacheDistribution,
+                    ViewPass::CacheCreation,
+                    ViewPass::CacheEvaluation,
                     ViewPass::Compensate,
                     ViewPass::History,
                     ViewPass::Compose,

@@ -102,6 +102,8 @@ pub(super) enum Pass {
         indirect: bool,
         /// Glossy bounced light, too.
         glossy: bool,
+        /// With that of clearcoats.
+        coat: bool,
         /// With a shadowed sky.
         sky: bool,
     },
@@ -109,6 +111,8 @@ pub(super) enum Pass {
     Isolate {
         /// With glossy bounced light.
         glossy: bool,
+        /// With that of clearcoats.
+        coat: bool,
         /// With a shadowed sky.
         sky: bool,
         /// Entry point of `compose/compose.wgsl`.
@@ -237,6 +241,9 @@ impl SpecializedRenderPipeline for ComposePipelines {
         {
             shader_defs.push("COMPOSE_GLOSSY".into());
         }
+        if let Pass::Compose { coat: true, .. } | Pass::Isolate { coat: true, .. } = pass {
+            shader_defs.push("COMPOSE_COAT".into());
+        }
         if let Pass::Compose { sky: true, .. } | Pass::Isolate { sky: true, .. } = pass {
             shader_defs.push("COMPOSE_SKY".into());
         }
@@ -326,14 +333,14 @@ pub(super) fn prepare_compose_pipelines(
             commands.entity(entity).remove::<(ViewPipelines, SkipDeferredLighting)>();
             continue;
         }
-        let glossy = gi.settings.has_glossy_light();
+        let (glossy, coat) = (gi.settings.has_glossy_light(), gi.settings.radiance_cache.glossy);
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, (key, pass));
         let mut all = |environment_maps| {
             let (indirect, sky) = (gi.isolate != GiIsolate::Direct, environment_maps == EnvironmentMaps::Shadowed);
-            let isolate = Pass::Isolate { glossy, sky, entry: entry(gi.isolate) };
+            let isolate = Pass::Isolate { glossy, coat, sky, entry: entry(gi.isolate) };
             ViewPipelines {
                 direct: pipeline(Pass::Direct { environment_maps, glossy: glossy && sky }),
-                compose: pipeline(Pass::Compose { indirect, glossy, sky }),
+                compose: pipeline(Pass::Compose { indirect, glossy, coat, sky }),
                 isolate: gi.isolate.is_alone().then(|| pipeline(isolate)),
             }
         };

@@ -5,7 +5,7 @@ use bevy::ecs::system::SystemParam;
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, texture_3d, texture_storage_2d, uniform_buffer_sized,
+    storage_buffer_read_only_sized, texture_2d, texture_3d, texture_storage_2d, uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
     BindGroup, BindGroupLayoutEntryBuilder, BindingResource, BufferBinding, LoadOp, Operations, PipelineCache,
@@ -65,9 +65,17 @@ fn kernel(isolate: GiIsolate, glossy: bool, cache: &PipelineCache, shaders: &GiS
         GiIsolate::BakedAtlas => baked("debug/baked_atlas.wgsl", "show_baked_atlas", &[]),
         GiIsolate::VoxelNormal => voxels(&[uniform, picture], &["VOXEL_NORMAL"]),
         GiIsolate::VoxelLight => voxels(&[uniform, picture, uniform, read, light, light, light], &["VOXEL_LIGHT"]),
+        GiIsolate::VoxelLevels => {
+            let bindings = [uniform, picture, uniform, read, light, light, light, uniform];
+            alone("debug/levels.wgsl", "show_levels", &bindings)
+        }
         GiIsolate::ShadowAtlas => alone("debug/atlas.wgsl", "show_atlas", &[uniform, read, read, picture]),
         GiIsolate::Clusters => {
             alone("debug/clusters.wgsl", "show_clusters", &[uniform, read, read, read, read, picture])
+        }
+        GiIsolate::Caches => {
+            let atlas = texture_2d(TextureSampleType::Float { filterable: false });
+            alone("debug/caches.wgsl", "show_caches", &[uniform, picture, uniform, read, read, atlas])
         }
         _ => voxels(&[uniform, picture], &[]),
     }
@@ -144,10 +152,20 @@ impl Shown<'_> {
                 let clusters = folded(held.parameters.get().capacity);
                 return Some((vec![kernel.bind(device, cache, &bindings)], clusters));
             }
-            GiIsolate::VoxelLight => {
+            GiIsolate::Caches => {
+                let (held, light) = (self.caches?, self.light?);
+                bindings.extend([held.parameters.binding()?, whole(&held.counters), whole(&light.unit)]);
+                bindings.push(texture(&held.atlas));
+                return Some((vec![kernel.bind(device, cache, &bindings)], tiles));
+            }
+            GiIsolate::VoxelLight | GiIsolate::VoxelLevels => {
                 let light = self.light?;
                 bindings.extend([light.parameters.binding()?, whole(&light.unit)]);
                 bindings.extend(light.light.iter().map(texture));
+                if isolate == GiIsolate::VoxelLevels {
+                    bindings.push(self.grid?.uniform.binding()?);
+                    return Some((vec![kernel.bind(device, cache, &bindings)], tiles));
+                }
             }
             _ => {}
         }

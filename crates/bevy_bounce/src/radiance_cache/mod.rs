@@ -39,7 +39,7 @@
 //! # What it cannot know
 //!
 //! Light from outside of the grid is that of the sky where caches are the technique; beside virtual point lights it is not in them, for Bevy reflects it. A reflection is as sharp as a texel of a cache, ten degrees,
-//! at most, and as fine as a voxel. Clearcoat has no reflection from caches. What is glossy lights others as if it were matt.
+//! at most, and as fine as a voxel. What is glossy lights others as if it were matt.
 //! At a distance, what is aslant to the axes of the grid closes more of a cone than it fills, by up to three quarters at its outline.
 
 mod counters;
@@ -101,6 +101,13 @@ impl Plugin for RadianceCachePlugin {
                 ),
             )
             .add_systems(RenderGraph, light::light_voxels.in_set(GiSystems::VoxelLight))
-            .add_systems(Core3d, passes::light_pixels.in_set(ViewPass::Shade));
+            .add_systems(
+                Core3d,
+                (
+                    passes::distribute.in_set(ViewPass::CacheDistribution),
+                    passes::create.in_set(ViewPass::CacheCreation),
+                    passes::evaluate.in_set(ViewPass::CacheEvaluation),
+                ),
+            );
     }
 }

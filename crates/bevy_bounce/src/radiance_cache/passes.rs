@@ -88,12 +88,11 @@ impl Groups {
     }
 }
 
-/// Clusters of the pixels, and a cache for each.
-fn distribute(
+/// Finds clusters of the pixels.
+fn cluster(
     p: &CachePipelines,
     sort: &SortPipelines,
     held: &CacheBuffers,
-    reset: bool,
     groups: &Groups,
     device: &RenderDevice,
     encoder: &mut CommandEncoder,
@@ -113,54 +112,110 @@ fn distribute(
     p.count_blocks.dispatch(encoder, cache, &clusters, blocks);
     p.scan_blocks.dispatch(encoder, cache, &clusters, UVec3::ONE);
     p.number_clusters.dispatch(encoder, cache, &clusters, blocks);
+}
+
+/// A cache for each cluster.
+fn place(
+    p: &CachePipelines,
+    held: &CacheBuffers,
+    reset: bool,
+    groups: &Groups,
+    encoder: &mut CommandEncoder,
+    cache: &PipelineCache,
+) {
     if reset {
         encoder.clear_buffer(&held.last, 0, None);
     } else {
         encoder.copy_buffer_to_buffer(&held.caches, 0, &held.last, 0, held.caches.size());
     }
     encoder.clear_buffer(&held.kept, 0, None);
-    p.keep.dispatch(encoder, cache, &[&groups.keep], folded(parameters.capacity.div_ceil(GROUP)));
-    p.place.dispatch(encoder, cache, &[&groups.place], folded(parameters.capacity));
+    let capacity = held.parameters.get().capacity;
+    p.keep.dispatch(encoder, cache, &[&groups.keep], folded(capacity.div_ceil(GROUP)));
+    p.place.dispatch(encoder, cache, &[&groups.place], folded(capacity));
 }
 
-/// Glossy light of a view from its caches, and diffuse light where they are its technique.
-pub(super) fn light_pixels(
-    view: ViewQuery<(&GiView, &ViewTextures, &CacheBuffers, &ViewPrepassTextures, &ViewUniformOffset)>,
+fn view_binding<'a>(uniforms: &'a ViewUniforms, offset: &ViewUniformOffset) -> Option<BindingResource<'a>> {
+    let buffer = uniforms.uniforms.buffer()?;
+    Some(BindingResource::Buffer(BufferBinding {
+        buffer,
+        offset: offset.offset.into(),
+        size: Some(ViewUniform::min_size()),
+    }))
+}
+
+/// Clusters of a view's pixels, and a cache for each.
+pub(super) fn distribute(
+    view: ViewQuery<(&GiView, &ViewTextures, &CacheBuffers, &ViewUniformOffset)>,
     pipelines: Option<Res<CachePipelines>>,
     sort: Option<Res<SortPipelines>>,
+    view_uniforms: Res<ViewUniforms>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (gi, textures, held, offset) = view.into_inner();
+    let (Some(p), Some(sort), Some(view)) = (pipelines, sort, view_binding(&view_uniforms, offset)) else { return };
+    let device = ctx.render_device().clone();
+    let Some(groups) = Groups::new(&p, held, &textures.surface, &view, &device, &cache) else { return };
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = ctx.command_encoder();
+    let span = diagnostics.time_span(encoder, "bounce/cache_distribution");
+    cluster(&p, &sort, held, &groups, &device, encoder, &cache);
+    place(&p, held, gi.reset, &groups, encoder, &cache);
+    span.end(encoder);
+}
+
+/// The light of a view's caches.
+pub(super) fn create(
+    view: ViewQuery<(&GiView, &CacheBuffers)>,
+    pipelines: Option<Res<CachePipelines>>,
     light: Option<Res<VoxelLight>>,
     grid: Option<Res<VoxelGrid>>,
     scene: Option<Res<SceneBuffers>>,
     sky: Option<Res<SkyBuffers>>,
+    cache: Res<PipelineCache>,
+    mut ctx: RenderContext,
+) {
+    let (gi, held) = view.into_inner();
+    let (Some(p), Some(light), Some(grid)) = (pipelines, light, grid) else { return };
+    let device = ctx.render_device().clone();
+    let Some(volume) = bind_volume(&p, &grid, &light, &device, &cache) else { return };
+    // Beside virtual lights, pixels look at the sky by themselves, and what reflects it is Bevy's.
+    let diffuse = gi.technique == Technique::RadianceCache;
+    let sky = sky.filter(|_| diffuse && gi.settings.sky > 0 && scene.is_some_and(|scene| scene.sky_count() > 0));
+    let create = p.create(sky.is_some());
+    let mut bindings = vec![whole(&held.counters), whole(&held.caches), texture(&held.atlas)];
+    bindings.extend(sky.iter().flat_map(|sky| [whole(&sky.table), whole(&light.unit)]));
+    let group = create.bind(&device, &cache, &bindings);
+    let diagnostics = ctx.diagnostic_recorder();
+    let diagnostics = diagnostics.as_deref();
+    let encoder = ctx.command_encoder();
+    let span = diagnostics.time_span(encoder, "bounce/cache_creation");
+    create.dispatch(encoder, &cache, &[&group, &volume], folded(held.parameters.get().capacity));
+    span.end(encoder);
+}
+
+/// Glossy light of a view from its caches, and diffuse light where they are its technique.
+pub(super) fn evaluate(
+    view: ViewQuery<(&GiView, &ViewTextures, &CacheBuffers, &ViewPrepassTextures, &ViewUniformOffset)>,
+    pipelines: Option<Res<CachePipelines>>,
+    light: Option<Res<VoxelLight>>,
     view_uniforms: Res<ViewUniforms>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
     let (gi, textures, held, prepass, offset) = view.into_inner();
-    let (Some(p), Some(sort), Some(light), Some(grid)) = (pipelines, sort, light, grid) else { return };
-    let (Some(view_buffer), Some(deferred), Some(glossy), Some(parameters)) =
-        (view_uniforms.uniforms.buffer(), prepass.deferred_view(), &textures.glossy, held.parameters.binding())
+    let (Some(p), Some(light)) = (pipelines, light) else { return };
+    let (Some(view), Some(deferred), Some(parameters)) =
+        (view_binding(&view_uniforms, offset), prepass.deferred_view(), held.parameters.binding())
     else {
         return;
     };
-    let device = ctx.render_device().clone();
-    let view_uniform = BindingResource::Buffer(BufferBinding {
-        buffer: view_buffer,
-        offset: offset.offset.into(),
-        size: Some(ViewUniform::min_size()),
-    });
-    let Some(groups) = Groups::new(&p, held, &textures.surface, &view_uniform, &device, &cache) else { return };
-    let Some(volume) = bind_volume(&p, &grid, &light, &device, &cache) else { return };
+    let (Some(glossy), Some(coat)) = (&textures.glossy, &textures.coat) else { return };
     let diffuse = gi.technique == Technique::RadianceCache;
-    // Beside virtual lights, pixels look at the sky by themselves, and what reflects it is Bevy's.
-    let sky = sky.filter(|_| diffuse && gi.settings.sky > 0 && scene.is_some_and(|scene| scene.sky_count() > 0));
-    let create = p.create(sky.is_some());
-    let mut bindings = vec![whole(&held.counters), whole(&held.caches), texture(&held.atlas)];
-    bindings.extend(sky.iter().flat_map(|sky| [whole(&sky.table), whole(&light.unit)]));
-    let create_group = create.bind(&device, &cache, &bindings);
     let evaluate = p.evaluate(diffuse);
     let bindings = [
-        view_uniform,
+        view,
         parameters,
         texture(&textures.surface),
         texture(deferred),
@@ -171,22 +226,16 @@ pub(super) fn light_pixels(
         whole(&held.ranges),
         whole(&held.counters),
         texture(glossy),
+        texture(coat),
         texture(&textures.indirect),
     ];
-    let bindings = if diffuse { &bindings[..] } else { &bindings[..11] };
-    let evaluation = evaluate.bind(&device, &cache, bindings);
-
+    let bindings = if diffuse { &bindings[..] } else { &bindings[..12] };
+    let group = evaluate.bind(ctx.render_device(), &cache, bindings);
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
-    let span = diagnostics.time_span(encoder, "bounce/cache_distribution");
-    distribute(&p, &sort, held, gi.reset, &groups, &device, encoder, &cache);
-    span.end(encoder);
-    let span = diagnostics.time_span(encoder, "bounce/cache_creation");
-    create.dispatch(encoder, &cache, &[&create_group, &volume], folded(held.parameters.get().capacity));
-    span.end(encoder);
     let span = diagnostics.time_span(encoder, "bounce/cache_evaluation");
     let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE));
-    evaluate.dispatch(encoder, &cache, &[&evaluation], tiles.extend(1));
+    evaluate.dispatch(encoder, &cache, &[&group], tiles.extend(1));
     span.end(encoder);
 }

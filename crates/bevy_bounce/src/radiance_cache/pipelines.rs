@@ -131,8 +131,8 @@ pub(super) fn init_cache_pipelines(
     let keep = [uniform, uniform, words, read, write];
     // View, parameters, surface; counters, pairs, starts; last frame's caches, which are kept; caches.
     let place = [uniform, uniform, words, read, read, read, read, read, write];
-    // View, parameters, surface, G-buffer; atlas and sampler; unit, caches, ranges; counters; glossy and diffuse light.
-    let evaluate = [uniform, uniform, words, words, light, filtering, read, read, read, write, output, output];
+    // View, parameters, surface, G-buffer; atlas and sampler; unit, caches, ranges; counters; glossy light, clearcoats', diffuse light.
+    let evaluate = [uniform, uniform, words, words, light, filtering, read, read, read, write, output, output, output];
     let frames = [uniform, words, write];
     let keys = [uniform, words, read, write, write];
     // Counters, caches; atlas; sky, unit.
@@ -152,7 +152,7 @@ pub(super) fn init_cache_pipelines(
         place: kernel("radiance_cache/place.wgsl", "place", &place, &[], vec![]),
         create: creation(&create[..3], vec![]),
         create_with_sky: creation(&create, vec!["SKY".into()]),
-        evaluate_glossy: evaluation(&evaluate[..11], vec![]),
+        evaluate_glossy: evaluation(&evaluate[..12], vec![]),
         evaluate_all: evaluation(&evaluate, vec!["DIFFUSE".into()]),
         sampler: device.create_sampler(&SamplerDescriptor {
             label: Some("bounce_linear"),

@@ -27,12 +27,13 @@ pub fn illumination(random: &mut Rng) -> GlobalIllumination {
 /// What a picture holds.
 pub fn isolate(random: &mut Rng) -> GiIsolate {
     use GiIsolate::{
-        All, BakedAtlas, Bounded, Clusters, CutSize, Direct, Glossy, Indirect, Irradiance, Residual, ShadowAtlas,
-        Split, TreeLevels, VoxelAlbedo, VoxelLight, VoxelNormal,
+        All, BakedAtlas, Bounded, Caches, Clusters, CutSize, Direct, Glossy, Indirect, Irradiance, Residual,
+        ShadowAtlas, Split, TreeLevels, VoxelAlbedo, VoxelLevels, VoxelLight, VoxelNormal,
     };
     let light = [All, All, All, All, Direct, Indirect, Bounded, Residual, Split, Glossy, Irradiance];
-    let pictures = [VoxelAlbedo, VoxelNormal, VoxelLight, ShadowAtlas, Clusters, CutSize, TreeLevels, BakedAtlas];
-    one_of(random, &[&light[..], &pictures].concat())
+    let voxels = [VoxelAlbedo, VoxelNormal, VoxelLight, VoxelLevels];
+    let pictures = [ShadowAtlas, Clusters, Caches, CutSize, TreeLevels, BakedAtlas];
+    one_of(random, &[&light[..], &voxels, &pictures].concat())
 }
 
 fn resolution(random: &mut Rng) -> Resolution {

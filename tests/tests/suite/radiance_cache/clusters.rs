@@ -255,6 +255,7 @@ fn every_pixel_finds_a_cache() {
             .floats("unit", &[1.0])
             .alias("counters", "missing")
             .texture("glossy", TextureFormat::Rgba16Float, size, false, &[])
+            .texture("coat", TextureFormat::Rgba16Float, size, false, &[])
             .texture("diffuse", TextureFormat::Rgba16Float, size, false, &[]);
         run_with(gpu(), "radiance_cache/evaluate.wgsl", "evaluate", &["DIFFUSE"], &resources, [8, 5, 1]);
         let counted = counters(&resources);
