@@ -10,6 +10,12 @@ fn folded_index(group: vec3<u32>) -> u32 {
     return group.x + group.y * MAX_WORKGROUPS;
 }
 
+/// The stretch of a list of that length that a lane of a workgroup of 256 goes through: its first entry, and the end.
+fn stretch_of(lane: u32, count: u32) -> vec2<u32> {
+    let length = (count + SCAN_GROUP - 1u) / SCAN_GROUP;
+    return min(vec2<u32>(lane, lane + 1u) * length, vec2<u32>(count));
+}
+
 /// Threads of a workgroup that takes part in a prefix sum.
 const SCAN_GROUP: u32 = 256u;
 /// Values that one of them sums up: the square root, so that there are as many rows.

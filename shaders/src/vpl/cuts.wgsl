@@ -6,12 +6,12 @@
 // where a cut is depends on what lies in the few nodes around it: nothing that moves elsewhere shifts it, as it would the
 // ends of runs of equal weight. Vertices of the same key part by their place in the order. Walter et al. 2005, "Lightcuts".
 //
-// `measure_nodes`: the error of the least node, in steps of a 32nd of an octave, and how often each step occurs. `cut`: the
+// `measure_nodes`: the error of the least node, in steps of a 64th of an octave, and how often each step occurs. `cut`: the
 // least step with no more cuts at it and above than there is room for lights, and the first vertex of each light.
 //
 // Cost: a thread a vertex, two binary searches through the order; then one workgroup, one load a vertex.
 
-#import bevy_bounce::shared::groups::{exclusive_scan, folded_index, scan_total}
+#import bevy_bounce::shared::groups::{exclusive_scan, folded_index, scan_total, stretch_of}
 #import bevy_bounce::shared::grid::{Grid, COUNTER_AREA}
 #import bevy_bounce::shared::hilbert::HILBERT_BITS
 #import bevy_bounce::vpl::types::{VplParameters, VplHeader, SUBSETS, NODE_STEPS, first_key_of_grid}
@@ -66,9 +66,9 @@ fn node_error(index: u32) -> f32 {
     return f32(starts[min(low + (1u << bits), first_at(key + 1u))] - starts[max(low, first_at(key))]);
 }
 
-// Exponent and the first five bits of the mantissa.
+// Exponent and the first six bits of the mantissa.
 fn step_of(error: f32) -> u32 {
-    return min((bitcast<u32>(max(error, 1.0)) - 0x3f800000u) >> 18u, NODE_STEPS - 1u);
+    return min((bitcast<u32>(max(error, 1.0)) - 0x3f800000u) >> 17u, NODE_STEPS - 1u);
 }
 
 @compute @workgroup_size(256)
@@ -132,17 +132,15 @@ var<workgroup> lights_in_finest_grid: u32;
 fn cut(@builtin(local_invocation_index) lane: u32) {
     find_least(lane);
     let count = vertex_count[0];
-    let chunk = (count + GROUP - 1u) / GROUP;
-    let first = min(lane * chunk, count);
-    let end = min(first + chunk, count);
+    let stretch = stretch_of(lane, count);
     var sum = 0u;
-    for (var i = first; i < end; i++) {
+    for (var i = stretch.x; i < stretch.y; i++) {
         sum += u32(nodes[i] >= least);
     }
     // Vertices of the finest grid come first.
     let next_grid = first_at(first_key_of_grid(1u));
     var light = exclusive_scan(sum, lane);
-    for (var i = first; i < end; i++) {
+    for (var i = stretch.x; i < stretch.y; i++) {
         if nodes[i] >= least {
             firsts[light] = i;
             light++;

@@ -3,7 +3,7 @@
 //
 // Cost: a vertex is read once; one workgroup adds up the lengths of the paths.
 
-#import bevy_bounce::shared::groups::exclusive_scan
+#import bevy_bounce::shared::groups::{exclusive_scan, stretch_of}
 #import bevy_bounce::shared::grid::{Grid, grid_level, level_at, facing_of}
 #import bevy_bounce::shared::hilbert::{hilbert_index, HILBERT_BITS}
 #import bevy_bounce::vpl::types::{Vpl, Path, VplParameters, first_key_of_grid, vertex_slot}
@@ -21,14 +21,13 @@ const GROUP: u32 = 256u;
 
 @compute @workgroup_size(256)
 fn scan_paths(@builtin(local_invocation_index) lane: u32) {
-    let chunk = (parameters.path_count + GROUP - 1u) / GROUP;
-    let end = min((lane + 1u) * chunk, parameters.path_count);
+    let stretch = stretch_of(lane, parameters.path_count);
     var sum = 0u;
-    for (var path = lane * chunk; path < end; path++) {
+    for (var path = stretch.x; path < stretch.y; path++) {
         sum += paths[path].length;
     }
     var first = exclusive_scan(sum, lane);
-    for (var path = lane * chunk; path < end; path++) {
+    for (var path = stretch.x; path < stretch.y; path++) {
         paths[path].first = first;
         first += paths[path].length;
     }

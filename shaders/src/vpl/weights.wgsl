@@ -5,7 +5,7 @@
 //
 // Cost: one workgroup; two loads a vertex.
 
-#import bevy_bounce::shared::groups::exclusive_scan
+#import bevy_bounce::shared::groups::{exclusive_scan, stretch_of}
 #import bevy_bounce::vpl::types::{Vpl, MET}
 
 @group(0) @binding(0) var<storage, read> vertices: array<Vpl>;
@@ -22,16 +22,14 @@ const OPEN_WEIGHT: u32 = 1u;
 @compute @workgroup_size(256)
 fn scan_weights(@builtin(local_invocation_index) lane: u32) {
     let count = vertex_count[0];
-    let chunk = (count + GROUP - 1u) / GROUP;
-    let first = min(lane * chunk, count);
-    let end = min(first + chunk, count);
+    let stretch = stretch_of(lane, count);
     var sum = 0u;
-    for (var i = first; i < end; i++) {
+    for (var i = stretch.x; i < stretch.y; i++) {
         starts[i] = sum;
         sum += select(OPEN_WEIGHT, WEIGHT, (vertices[pairs[i].y].bounce_met & MET) != 0u);
     }
     let before = exclusive_scan(sum, lane);
-    for (var i = first; i < end; i++) {
+    for (var i = stretch.x; i < stretch.y; i++) {
         starts[i] += before;
     }
     if lane == GROUP - 1u {

@@ -167,30 +167,30 @@ fn cover(stage: &mut Stage) {
     }
 }
 
-/// Light as that of the deferred pass: by points, and on the whole.
+/// All points are within 15 % of the deferred pass's.
 fn assert_alike(name: &str, found: &Picture, expected: &Picture) {
     let errors = errors(name, found, expected);
     let within = errors.iter().filter(|error| error.abs() < 0.15).count();
     let mean = errors.iter().sum::<f64>() / errors.len() as f64;
-    println!("{name}: {within} of {} within 15 %, mean {mean:+.3}", errors.len());
-    assert!(within >= 49 && mean.abs() < 0.05, "{name}: {within} within 15 %, mean {mean}");
+    assert!(within == errors.len() && mean.abs() < 0.05, "{name}: {within} within 15 %, mean {mean}");
 }
 
-/// Of fifty points one is farther off: the foot of a block in shadow, where much of the light in the G-buffer is bias
-/// compensation, which probes have none of.
+/// With 4096 lights: of 1024, single ones near a point weigh more than the tolerance, and probes stand elsewhere.
 #[test]
 fn what_is_not_in_the_g_buffer_is_lit_like_what_is() {
-    let mut stage = stage(SIZE, medium(), false);
+    let settings = Quality::High.settings();
+    let mut stage = stage(SIZE, settings, false);
     show(&mut stage, GiIsolate::Indirect);
-    let deferred = settled(&mut stage, medium());
+    let deferred = settled(&mut stage, settings);
     set_method(&mut stage, OpaqueRendererMethod::Forward);
-    assert_alike("forward", &by_probes(&mut stage, medium()), &deferred);
+    assert_alike("forward", &by_probes(&mut stage, settings), &deferred);
     set_method(&mut stage, OpaqueRendererMethod::Auto);
     cover(&mut stage);
-    assert_alike("blended", &by_probes(&mut stage, medium()), &deferred);
+    assert_alike("blended", &by_probes(&mut stage, settings), &deferred);
 }
 
-/// Whole pictures of an app that stays forward: MSAA stays, and the light is that of the deferred app.
+/// Whole pictures of an app that stays forward: MSAA stays, and the light is that of the deferred app. At the default quality, where
+/// single points may be off.
 #[test]
 fn a_forward_app_is_lit_by_probes_alone() {
     let mut deferred = stage(SIZE, medium(), false);
@@ -204,7 +204,10 @@ fn a_forward_app_is_lit_by_probes_alone() {
     stage.light_by(GlobalIllumination { technique: Technique::None, ..default() });
     stage.frame(Duration::ZERO);
     let without = stage.settled_picture();
-    assert_alike("forward app", &minus(&with, &without), &expected);
+    let errors = errors("forward app", &minus(&with, &without), &expected);
+    let mean = |of: fn(f64) -> f64| errors.iter().map(|&error| of(error)).sum::<f64>() / errors.len() as f64;
+    let (mean, rms) = (mean(|error| error), mean(|error| error * error).sqrt());
+    assert!(mean.abs() < 0.05 && rms < 0.06, "mean {mean}, root mean square {rms}");
 }
 
 #[derive(Asset, AsBindGroup, TypePath, Clone, Default)]
