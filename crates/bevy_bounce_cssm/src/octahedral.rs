@@ -10,7 +10,9 @@ pub fn to_square([x, y, z]: [f32; 3]) -> [f32; 2] {
         return [0.0, 0.0];
     }
     let [u, v] = [x / sum, y / sum];
-    if z >= 0.0 { [u, v] } else { [(1.0 - v.abs()).copysign(u), (1.0 - u.abs()).copysign(v)] }
+    // Zero of either sign lies on one side, as it does on the GPU.
+    let folded = |at: f32, other: f32| if at < 0.0 { other.abs() - 1.0 } else { 1.0 - other.abs() };
+    if z >= 0.0 { [u, v] } else { [folded(u, v), folded(v, u)] }
 }
 
 /// Unit direction for a point of the square `-1..=1`.

@@ -1,7 +1,6 @@
 // What is visible: from a texel to a point by the texel's cube map, and past an object by its maps from outside. The same
 // operations in the same order as on the CPU (crate bevy_bounce_cssm, `query`, `cube` and `csm`), so that the answers are the
-// same; from outside, but for a few in ten thousand where rounding leads to the next direction. Ritschel, Grosch, Kautz and Seidel 2008, 3.2.2
-// and 3.3.
+// same. Ritschel, Grosch, Kautz and Seidel 2008, 3.2.2 and 3.3.
 //
 // Points and directions are in the object's space where nothing else is said.
 //
@@ -124,6 +123,9 @@ fn visibility(object: u32, texel: Texel, point: vec3<f32>, filtered: bool) -> f3
 
 fn octahedral_square(direction: vec3<f32>) -> vec2<f32> {
     let sum = abs(direction.x) + abs(direction.y) + abs(direction.z);
+    if sum == 0.0 {
+        return vec2<f32>(0.0);
+    }
     let p = direction.xy / sum;
     if direction.z >= 0.0 {
         return p;

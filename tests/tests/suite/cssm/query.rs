@@ -142,10 +142,8 @@ fn a_million_answers_are_the_cpus() {
          {sees} of points outside; {reads:.2} reads a query",
         gpu().adapter
     );
-    let all = tolerated(PAIRS);
-    // Maps from outside are looked up by directions that are rounded on the way: at the edges of their cells the next one may answer.
-    assert!(wrong <= all && wrong_filtered <= all);
-    assert!([wrong_outside, wrong_between, wrong_sees].iter().all(|&count| count <= PAIRS / 1000));
+    let all = [wrong, wrong_filtered, wrong_outside, wrong_between, wrong_sees];
+    assert!(all.iter().all(|&count| count <= tolerated(PAIRS)), "{all:?} answers differ");
     assert!([seen, seen_outside, between, sees].iter().all(|&count| count > PAIRS / 20 && count < PAIRS - PAIRS / 20));
     assert!(reads <= 10.0, "{reads} reads a query");
 }
