@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
-use bevy_bounce_examples::options::TechniqueOption;
 use bevy_bounce_examples::{Error, Options, app, baked, error, options};
 use clap::Parser;
 
@@ -25,7 +24,7 @@ struct Cli {
     /// Turns textures upside down, which is how the path-traced references show them
     #[arg(long, hide = true)]
     flip_textures: bool,
-    /// Baked visibility for the scene, for --technique cssm [default: baked now, atlas 128, depth 64]
+    /// Baked visibility for the scene, for --technique cssm and --visibility cssm [default: baked now, atlas 128, depth 64]
     #[arg(long, value_name = "FILE.cssm")]
     bake: Option<PathBuf>,
     /// Print the names of the scene's cameras, one a line
@@ -41,9 +40,9 @@ fn main() -> ExitCode {
 
 fn view(cli: &Cli) -> Result<(), Error> {
     let run = cli.options.check()?;
-    let by_bake = cli.options.technique() == TechniqueOption::Cssm;
+    let by_bake = cli.options.uses_bakes();
     if cli.bake.is_some() && !by_bake {
-        return Err(Error::Usage("--bake: baked visibility is for --technique cssm".into()));
+        return Err(Error::Usage("--bake: baked visibility is for --technique cssm and --visibility cssm".into()));
     }
     let file = SceneFile::open(&cli.scene.clone().unwrap_or_else(default_scene))?;
     if cli.list_cameras {

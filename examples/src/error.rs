@@ -13,9 +13,6 @@ pub enum Error {
     /// A value that makes no sense.
     #[error("{0}")]
     Usage(String),
-    /// An option whose technique is not there yet.
-    #[error("not built yet: {0}")]
-    NotBuilt(&'static str),
     /// A file that cannot be read, understood or written.
     #[error("{}: {problem}", path.display())]
     File {

@@ -220,7 +220,7 @@ pub enum VisibilityOption {
     Ism,
     /// Rays through the voxel grid
     Voxel,
-    /// Baked visibility
+    /// Shadow maps, and baked visibility where there is any
     Cssm,
 }
 

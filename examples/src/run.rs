@@ -60,7 +60,6 @@ pub enum Output {
 impl Options {
     /// Checks what can be checked without a GPU.
     pub fn check(&self) -> Result<Run, Error> {
-        self.reject_unbuilt()?;
         let outputs = self.output.iter().map(|path| output(path)).collect::<Result<Vec<_>, _>>()?;
         if let Some(path) = &self.stats {
             check_writable(path)?;
@@ -97,9 +96,9 @@ impl Options {
         self.technique.unwrap_or(TechniqueOption::Vpl)
     }
 
-    fn reject_unbuilt(&self) -> Result<(), Error> {
-        let unbuilt = [(self.visibility == Some(VisibilityOption::Cssm), "--visibility cssm; try atlas")];
-        unbuilt.into_iter().find(|(asked, _)| *asked).map_or(Ok(()), |(_, what)| Err(Error::NotBuilt(what)))
+    /// Whether it asks for bakes.
+    pub fn uses_bakes(&self) -> bool {
+        self.technique() == TechniqueOption::Cssm || self.visibility == Some(VisibilityOption::Cssm)
     }
 
     fn isolate(&self) -> GiIsolate {
@@ -141,7 +140,8 @@ impl Options {
             Some(VisibilityOption::None) => VplVisibility::None,
             Some(VisibilityOption::Voxel) => VplVisibility::Voxel,
             Some(VisibilityOption::Ism) => VplVisibility::Ism,
-            Some(_) => VplVisibility::Atlas,
+            Some(VisibilityOption::Atlas) => VplVisibility::Atlas,
+            Some(VisibilityOption::Cssm) => VplVisibility::Baked,
             None => settings.visibility,
         };
         settings.bound = self.bound.unwrap_or(settings.bound);

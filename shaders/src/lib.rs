@@ -65,6 +65,8 @@ shaders! {
     "shadow_atlas/lookup.wgsl" => [],
     "shadow_atlas/occluders.wgsl" => ["place_occluders"],
     "shadow_atlas/rasterize.wgsl" => ["rasterize"],
+    "shadow_atlas/eyes.wgsl" => ["find_eyes"],
+    "shadow_atlas/baked.wgsl" => ["draw_baked"],
     "shadow_atlas/points.wgsl" => ["place_points"],
     "shadow_atlas/splat.wgsl" => ["splat_points"],
     "interleaved/surface.wgsl" => [],

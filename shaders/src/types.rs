@@ -426,8 +426,8 @@ pub struct Occluder {
     pub flags: u32,
     /// Second corner.
     pub b: Vec3,
-    /// Keeps rows of 16 bytes.
-    pub padding_b: u32,
+    /// The baked object that it is part of, or `NONE`; nothing where no bakes are asked.
+    pub object: u32,
     /// Third corner.
     pub c: Vec3,
     /// Keeps rows of 16 bytes.

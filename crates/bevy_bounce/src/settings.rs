@@ -247,6 +247,9 @@ pub enum VplVisibility {
     /// than a voxel off, lights see as with `Voxel`.
     #[default]
     Atlas,
+    /// As `Atlas`, but what lights on a [`CssmObject`](crate::CssmObject) see of that is looked up in its bake, whatever its triangles: there
+    /// are no coarser versions of its meshes. Takes the bake's memory, and three to ten reads a texel of each map.
+    Baked,
 }
 
 impl Default for GiSettings {

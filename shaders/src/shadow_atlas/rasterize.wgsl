@@ -5,12 +5,18 @@
 // as on any projection, with nothing to clip. A thread projects a triangle and fills it if it is small; large ones are
 // filled by all threads together.
 //
+// With `BAKED` a light that is on a baked object knows from its bake what it sees of that: its tile is there, and the object's triangles are
+// left out.
+//
 // Cost: a light and triangle about 200 operations, a texel in the triangle's box about 20.
 
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::Grid
 #import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words, pack_texel, error_of}
 #import bevy_bounce::shadow_atlas::types::{Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT}
+#ifdef BAKED
+#import bevy_bounce::shared::scene::NONE
+#endif
 #import bevy_bounce::vpl::types::{Vpl, VplHeader}
 
 @group(0) @binding(0) var<uniform> parameters: AtlasParameters;
@@ -19,6 +25,9 @@
 @group(0) @binding(3) var<storage, read> occluders: array<Occluder>;
 @group(0) @binding(4) var<storage, read> vpls: array<Vpl>;
 @group(0) @binding(5) var<storage, read_write> atlas: array<u32>;
+#ifdef BAKED
+@group(0) @binding(6) var<storage, read> eyes: array<vec2<u32>>;
+#endif
 
 const GROUP: u32 = 64u;
 /// Largest tile, texels: 9 KiB of a workgroup's 16.
@@ -143,6 +152,24 @@ fn fill(seen: Seen, texel: vec2<i32>) {
     }
 }
 
+#ifdef BAKED
+fn first_word(light: u32, texel: u32) -> u32 {
+    return atlas[light * tile_words(parameters) + texel];
+}
+
+fn is_known(light: u32, occluder: Occluder) -> bool {
+    return eyes[light].x != NONE && eyes[light].x == occluder.object;
+}
+#else
+fn first_word(light: u32, texel: u32) -> u32 {
+    return TILE_EMPTY;
+}
+
+fn is_known(light: u32, occluder: Occluder) -> bool {
+    return false;
+}
+#endif
+
 @compute @workgroup_size(64)
 fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let light = folded_index(group);
@@ -152,7 +179,7 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     let vpl = vpls[light];
     let texels = parameters.tile * parameters.tile;
     for (var i = lane; i < texels; i += GROUP) {
-        atomicStore(&nearest[i], TILE_EMPTY);
+        atomicStore(&nearest[i], first_word(light, i));
     }
     workgroupBarrier();
     let eye = vpl.position;
@@ -160,7 +187,10 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
 
     for (var first = 0u; first < parameters.occluder_count; first += GROUP) {
         if first + lane < parameters.occluder_count {
-            let seen = project(occluders[first + lane], eye, frame);
+            var seen = nothing_seen();
+            if !is_known(light, occluders[first + lane]) {
+                seen = project(occluders[first + lane], eye, frame);
+            }
             let size = seen.high - seen.low + 1;
             if size.x > 0 && size.y > 0 {
                 if u32(size.x * size.y) <= INLINE_TEXELS {

@@ -12,7 +12,8 @@ struct Occluder {
     a: vec3<f32>,
     flags: u32,
     b: vec3<f32>,
-    padding_b: u32,
+    // The baked object that it is part of, or NONE; nothing where no bakes are asked.
+    object: u32,
     c: vec3<f32>,
     padding_c: u32,
 }

@@ -1,6 +1,7 @@
 //! Baked visibility on the GPU against the CPU.
 
 mod examples;
+mod eyes;
 mod glossy;
 mod light;
 mod moving;

@@ -98,7 +98,7 @@ pub fn pack_incoming(direction: Vec3, reach: f32) -> u32 {
 }
 
 /// Distance to the front of the nearest triangle beyond `least`.
-fn nearest(scene: &TestScene, origin: Vec3, direction: Vec3, least: f32) -> Option<f32> {
+pub fn nearest(scene: &TestScene, origin: Vec3, direction: Vec3, least: f32) -> Option<f32> {
     let hits = scene.triangles.iter().filter_map(|t| crate::paths::intersect(t, origin, direction));
     hits.filter(|t| *t > least).min_by(f32::total_cmp)
 }
@@ -153,7 +153,7 @@ fn every_texel_holds_the_distance_of_a_ray() {
 }
 
 /// What maps say of lights, and points with their normals.
-fn look(resources: Resources, pairs: &[(usize, Vec3, Vec3)]) -> Vec<bool> {
+pub fn look(resources: Resources, pairs: &[(usize, Vec3, Vec3)]) -> Vec<bool> {
     const LOOK: &str = "
         #import bevy_bounce::shadow_atlas::lookup::atlas_visible
         #import bevy_bounce::vpl::types::Vpl

@@ -94,7 +94,7 @@ use crate::view::prepare_view_textures;
 
 pub use bevy_bounce_shaders::types::CSSM_OBJECTS as MOST_OBJECTS;
 pub(crate) use passes::Pixels;
-pub(crate) use pipelines::pixel_kernel;
+pub(crate) use pipelines::{bind_maps, maps_layout, pixel_kernel};
 pub(crate) use pixels::PixelLight;
 pub(crate) use prepare::Baked;
 pub use settings::{CssmFilter, CssmSettings};

@@ -19,7 +19,7 @@ use super::display::light_of_steps;
 use super::hull::Overlaps;
 use super::prepare::{Baked, PreparedBakes};
 use super::{CssmFilter, CssmObject, CssmPart};
-use crate::{GiBudget, GiSettings, GlobalIllumination, Technique};
+use crate::{GiBudget, GiSettings, GlobalIllumination, Technique, VplVisibility};
 
 /// How much edges of a baked object may change in length by its transform.
 const RIGID: f32 = 1.0e-3;
@@ -36,6 +36,10 @@ pub(super) struct ExtractedCssm {
     pub bounces: u32,
     /// How texels gather.
     pub gather: CssmGather,
+    /// The object that each part is of, by its place in `placed`.
+    pub objects_of_parts: Vec<u32>,
+    /// Whether virtual lights see by bakes.
+    pub are_eyes: bool,
     overlaps: Overlaps,
     warned: Warned,
 }
@@ -91,12 +95,15 @@ pub(super) fn extract_cameras(
     displays: Extract<Displays>,
 ) {
     extracted.bounces = 0;
+    extracted.are_eyes = false;
     let mut first = None;
     for (entity, render_entity, camera, gi, budget, exposure, tonemapping) in &cameras {
+        let settings = gi.settings();
+        let is_lit_by_points = camera.is_active && gi.technique == Technique::InstantRadiosity;
+        extracted.are_eyes |= is_lit_by_points && settings.visibility == VplVisibility::Baked;
         if !camera.is_active || gi.technique != Technique::SurfaceRadiosity {
             continue;
         }
-        let settings = gi.settings();
         let exposure = exposure.copied().unwrap_or_default().exposure();
         let tonemapping = tonemapping.copied().unwrap_or(Tonemapping::None);
         let of_pixels = displays.gather(&gi.given(budget), exposure, tonemapping);
@@ -143,13 +150,14 @@ pub(super) fn extract_objects(
     let extracted = &mut *extracted;
     extracted.placed.clear();
     extracted.parts.clear();
+    extracted.objects_of_parts.clear();
     let mut is_stale = false;
     for event in events.read() {
         if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
             is_stale |= prepared.0.remove(id).is_some();
         }
     }
-    if extracted.bounces == 0 {
+    if extracted.bounces == 0 && !extracted.are_eyes {
         if baked.is_some() {
             commands.remove_resource::<Baked>();
         }
@@ -175,9 +183,10 @@ pub(super) fn extract_objects(
     });
     let Some(baked) = held.or(fresh.as_ref()) else { return };
     let lit: Vec<_> = loaded.iter().zip(&baked.fits).filter(|(_, fits)| **fits).map(|(object, _)| object).collect();
-    for object in &lit {
+    for (number, object) in (0..).zip(&lit) {
         extracted.placed.push(object.place);
         objects.parts(object.entity, object.file, &mut extracted.parts);
+        extracted.objects_of_parts.resize(extracted.parts.len(), number);
     }
     let hulls: Vec<_> = lit
         .iter()

@@ -111,7 +111,7 @@ pub(super) fn light_texels(
     if baked.wanted == baked.solved {
         return;
     }
-    let Some(wanted) = baked.wanted.clone() else { return };
+    let Some(wanted) = baked.wanted.clone().filter(|wanted| wanted.bounces > 0) else { return };
     let Some(groups) =
         Groups::new(&p, baked, &scene, ctx.render_device(), &cache).filter(|_| p.are_ready(baked.count(), &cache))
     else {

@@ -47,7 +47,7 @@ impl CssmPipelines {
 }
 
 /// Group 1 of what queries visibility: directory and pages of blocks.
-fn maps_layout() -> BindGroupLayoutDescriptor {
+pub(crate) fn maps_layout() -> BindGroupLayoutDescriptor {
     let read = storage_buffer_read_only_sized(false, None);
     group_layout("bounce_cssm_maps", &[read, read, read, read])
 }
@@ -79,7 +79,7 @@ pub(crate) fn pixel_kernel(
 }
 
 /// The bakes' maps as group 1.
-pub(super) fn bind_maps(baked: &Baked, device: &RenderDevice, cache: &PipelineCache) -> BindGroup {
+pub(crate) fn bind_maps(baked: &Baked, device: &RenderDevice, cache: &PipelineCache) -> BindGroup {
     let [a, b, c] = &baked.pages;
     bind_group(device, cache, &maps_layout(), &[whole(&baked.directory), whole(a), whole(b), whole(c)])
 }

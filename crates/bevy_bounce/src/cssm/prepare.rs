@@ -68,6 +68,8 @@ pub(crate) struct Baked {
     pub surfaces: Buffer,
     /// `array<u32>`: instance of each part.
     pub part_instances: Buffer,
+    /// `array<u32>`, by instance: the object that it is part of, or `NONE`. Instances beyond it are of none.
+    pub instance_objects: Buffer,
     /// `array<vec4<f32>>`, two by place of light, of each object its nodes: radiance times area, area.
     pub powers: Buffer,
     /// `array<vec4<f32>>`, by place of light, of each object its texels: radiance without bounces.
@@ -125,6 +127,22 @@ fn filled(device: &RenderDevice, label: &'static str, pieces: &[&[u32]]) -> Buff
     buffer
 }
 
+fn instance_objects(device: &RenderDevice, objects: &[u32]) -> Buffer {
+    filled(device, "bounce_cssm_instances", &[objects])
+}
+
+/// Of each instance the object that it is part of, or `NONE`.
+fn objects_of_instances(instances: impl Iterator<Item = (u32, u32)>) -> Vec<u32> {
+    let mut objects = Vec::new();
+    for (slot, object) in instances.filter(|(slot, _)| *slot != NONE) {
+        objects.resize(objects.len().max(slot as usize + 1), NONE);
+        objects[slot as usize] = object;
+    }
+    // An empty buffer reads as zeros.
+    objects.resize(objects.len().max(4), NONE);
+    objects
+}
+
 impl Baked {
     /// Uploads the words of the objects' bakes, each once. Says which of them found no room.
     pub(super) fn new<'a>(
@@ -171,6 +189,7 @@ impl Baked {
             tree: filled(device, "bounce_cssm_tree", words.trees.all()),
             surfaces: filled(device, "bounce_cssm_surfaces", &[&shown]),
             part_instances: storage(device, "bounce_cssm_parts", 4 * u64::from(parts)),
+            instance_objects: instance_objects(device, &[NONE; 4]),
             powers: storage(device, "bounce_cssm_powers", 2 * lights),
             sources: storage(device, "bounce_cssm_sources", lights),
             gathered: storage(device, "bounce_cssm_gathered", lights),
@@ -186,6 +205,11 @@ impl Baked {
     /// Whether the texels' light is that of this frame.
     pub fn is_lit(&self) -> bool {
         self.wanted.is_some() && self.wanted == self.solved
+    }
+
+    /// Whether the objects stand in this frame.
+    pub fn is_placed(&self) -> bool {
+        self.wanted.is_some()
     }
 
     /// Objects.
@@ -210,7 +234,10 @@ impl Baked {
         let maps = self.directory.size() + self.pages.iter().map(|page| page.size()).sum::<u64>();
         [
             ("cssm: maps", maps),
-            ("cssm: texels", self.texels.size() + self.surfaces.size() + self.part_instances.size()),
+            (
+                "cssm: texels",
+                self.texels.size() + self.surfaces.size() + self.part_instances.size() + self.instance_objects.size(),
+            ),
             ("cssm: hierarchy", self.tree.size()),
             ("cssm: light", self.powers.size() + self.sources.size() + self.gathered.size()),
         ]
@@ -258,6 +285,8 @@ pub(super) fn prepare_light(
         if !state.parts.is_empty() {
             let slots: Vec<u32> = state.parts.iter().map(|[slot, ..]| *slot).collect();
             queue.write_buffer(&baked.part_instances, 0, bytemuck::cast_slice(&slots));
+            let of_parts = slots.into_iter().zip(extracted.objects_of_parts.iter().copied());
+            baked.instance_objects = instance_objects(&device, &objects_of_instances(of_parts));
         }
         baked.wanted = Some(state);
     }

@@ -28,7 +28,7 @@ impl PassesKey {
         let visibility = match self.visibility {
             VplVisibility::None => None,
             VplVisibility::Voxel => Some("VISIBILITY_VOXEL"),
-            VplVisibility::Ism | VplVisibility::Atlas => Some("VISIBILITY_ATLAS"),
+            VplVisibility::Ism | VplVisibility::Atlas | VplVisibility::Baked => Some("VISIBILITY_ATLAS"),
         };
         let half = (self.resolution == Resolution::Half).then_some("HALF_RESOLUTION");
         let sky = self.sky.then_some("SKY");

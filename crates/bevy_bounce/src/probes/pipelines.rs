@@ -28,7 +28,7 @@ impl ProbePipelines {
         match visibility {
             VplVisibility::None => none,
             VplVisibility::Voxel => voxel,
-            VplVisibility::Ism | VplVisibility::Atlas => atlas,
+            VplVisibility::Ism | VplVisibility::Atlas | VplVisibility::Baked => atlas,
         }
     }
 }

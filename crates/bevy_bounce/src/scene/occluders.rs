@@ -85,7 +85,7 @@ pub(super) fn choose_occluders(
             Some(Caster { slot, index_offset: mesh.index_offset, candidate, areas: &mesh.areas })
         })
         .collect();
-    let triangles = settings.visibility == VplVisibility::Atlas;
+    let triangles = settings.visibility >= VplVisibility::Atlas;
     let (chunks, error) = if triangles { chunks(&casters, stated.occluders()) } else { (Vec::new(), 0.0) };
     occluders.chunks.replace(chunks.into_iter());
     occluders.error = error;

@@ -6,10 +6,14 @@
 //! |---|---|---|
 //! | `atlas` | 4 MiB | light by light: depth (14 bits of the scene's diagonal), how far what casts may be off its surface (2 bits), and normal over its hemisphere |
 //! | `occluders` | 48 B a triangle, 768 KiB at most | triangles that cast, in the world |
+//! | `eyes` | 8 B a light, where visibility is baked | object and texel that each light is on |
 //!
 //! A tile maps the hemisphere to a square by the half octahedron, without waste. Each texel is tested against the planes through
 //! the light and a triangle's edges, so that large triangles stay straight. A point is hidden where it lies behind the plane of
 //! the surface that its texel shows, and that before its own: however coarse texels are, surfaces do not shadow themselves.
+//!
+//! Where visibility is baked, lights on baked objects have these from the bake: the codes of its cube maps are the first layer of their tiles,
+//! and triangles of all else are drawn over it. Ritschel, Grosch, Kautz and Seidel 2008.
 //!
 //! Imperfect shadow maps (Ritschel et al. 2008) fill the same tiles from points spread over the surfaces.
 //!

@@ -11,6 +11,7 @@ use super::prepare::ShadowAtlas;
 use crate::VplVisibility;
 use crate::avg::{VoxelGrid, bind_grid, bind_sky, grid_layout, sky_layout};
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout, whole};
+use crate::cssm::maps_layout;
 use crate::scene::SceneBuffers;
 
 /// Kernels in the order they run.
@@ -20,6 +21,12 @@ pub(super) struct AtlasPipelines {
     pub rasterize: Kernel,
     pub place_points: Kernel,
     pub splat_points: Kernel,
+    /// What lights on baked objects see of these.
+    pub find_eyes: Kernel,
+    pub draw_baked: Kernel,
+    /// `place_occluders` and `rasterize` for what they see of the rest.
+    pub place_others: Kernel,
+    pub rasterize_others: Kernel,
 }
 
 /// Group 2 of the kernels that look up depths: sizes, the atlas. See `shadow_atlas/lookup.wgsl`.
@@ -33,7 +40,7 @@ pub(crate) fn visibility_layouts(visibility: VplVisibility, sky: bool) -> Vec<Bi
     match visibility {
         VplVisibility::None if !sky => vec![],
         VplVisibility::None | VplVisibility::Voxel => vec![grid],
-        VplVisibility::Ism | VplVisibility::Atlas => vec![grid, atlas_layout()],
+        VplVisibility::Ism | VplVisibility::Atlas | VplVisibility::Baked => vec![grid, atlas_layout()],
     }
 }
 
@@ -59,7 +66,7 @@ pub(crate) fn bind_visibility(
     match asked {
         VplVisibility::None if sky.is_none() => Some((asked, vec![])),
         VplVisibility::None | VplVisibility::Voxel => Some((asked, vec![bind_grid()?])),
-        VplVisibility::Ism | VplVisibility::Atlas => Some(match atlas_group() {
+        VplVisibility::Ism | VplVisibility::Atlas | VplVisibility::Baked => Some(match atlas_group() {
             Some(atlas) => (VplVisibility::Atlas, vec![bind_grid()?, atlas]),
             None => (VplVisibility::Voxel, vec![bind_grid()?]),
         }),
@@ -70,17 +77,27 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let uniform = uniform_buffer_sized(false, None);
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
-    let kernel = |path, entry, bindings: &[_]| {
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
+    let kernel_with = |path, entry, bindings: &[_], groups: &[_], defs| {
+        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
     };
-    // Geometry, instances, materials, thumbnails, chunks or points; occluders.
-    let place = [read, read, read, read, read, write];
-    // Parameters, grid; header, occluders; lights, atlas.
-    let draw = [uniform, uniform, read, read, read, write];
+    let kernel = |path, entry, bindings: &[_]| kernel_with(path, entry, bindings, &[], vec![]);
+    let others = |path, entry, bindings: &[_]| kernel_with(path, entry, bindings, &[], vec!["BAKED".into()]);
+    // Geometry, instances, materials, thumbnails, chunks or points; occluders; where there are bakes, objects of the instances.
+    let place = [read, read, read, read, read, write, read];
+    // Parameters, grid; header, occluders; lights, atlas; where there are bakes, eyes.
+    let draw = [uniform, uniform, read, read, read, write, read];
+    // Texels, bakes; tree, nodes' light, settings; header, lights; eyes.
+    let find = [read, uniform, read, read, uniform, read, read, write];
+    // Texels, bakes; sizes; eyes, lights; atlas.
+    let look = [read, uniform, uniform, read, read, write];
     commands.insert_resource(AtlasPipelines {
-        place_occluders: kernel("shadow_atlas/occluders.wgsl", "place_occluders", &place),
-        rasterize: kernel("shadow_atlas/rasterize.wgsl", "rasterize", &draw),
-        place_points: kernel("shadow_atlas/points.wgsl", "place_points", &place),
-        splat_points: kernel("shadow_atlas/splat.wgsl", "splat_points", &draw),
+        place_occluders: kernel("shadow_atlas/occluders.wgsl", "place_occluders", &place[..6]),
+        rasterize: kernel("shadow_atlas/rasterize.wgsl", "rasterize", &draw[..6]),
+        place_points: kernel("shadow_atlas/points.wgsl", "place_points", &place[..6]),
+        splat_points: kernel("shadow_atlas/splat.wgsl", "splat_points", &draw[..6]),
+        find_eyes: kernel("shadow_atlas/eyes.wgsl", "find_eyes", &find),
+        draw_baked: kernel_with("shadow_atlas/baked.wgsl", "draw_baked", &look, &[maps_layout()], vec![]),
+        place_others: others("shadow_atlas/occluders.wgsl", "place_occluders", &place),
+        rasterize_others: others("shadow_atlas/rasterize.wgsl", "rasterize", &draw),
     });
 }

@@ -22,12 +22,17 @@ pub(crate) struct ShadowAtlas {
     pub atlas: Buffer,
     /// `array<Occluder>`, or `array<WorldPoint>` where maps are made from points.
     pub occluders: Buffer,
+    /// `array<vec2<u32>>`, by light: the baked object and the texel of it that the light is on, or `NONE`.
+    pub eyes: Buffer,
 }
 
 impl ShadowAtlas {
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> [(&'static str, u64); 2] {
-        [("shadow atlas: tiles", self.atlas.size()), ("shadow atlas: occluders", self.occluders.size())]
+        [
+            ("shadow atlas: tiles", self.atlas.size()),
+            ("shadow atlas: occluders", self.occluders.size() + self.eyes.size()),
+        ]
     }
 }
 
@@ -84,8 +89,10 @@ pub(super) fn prepare_atlas(
         VplVisibility::Ism => u64::from(counts.points.max(1)) * u64::from(WorldPoint::min_size()),
         _ => u64::from(stated.occluders()) * u64::from(Occluder::min_size()),
     };
+    let eyes = if settings.visibility == VplVisibility::Baked { stated.0 } else { 1 };
+    let sizes = [atlas_size, occluder_size, 8 * u64::from(eyes)];
     match held {
-        Some(mut held) if held.atlas.size() == atlas_size && held.occluders.size() == occluder_size => {
+        Some(mut held) if [&held.atlas, &held.occluders, &held.eyes].map(|buffer| buffer.size()) == sizes => {
             if *held.parameters.get() != parameters {
                 held.parameters.set(parameters);
                 held.parameters.write_buffer(&device, &queue);
@@ -98,6 +105,7 @@ pub(super) fn prepare_atlas(
                 parameters,
                 atlas: storage(&device, "bounce_shadow_atlas", atlas_size),
                 occluders: storage(&device, "bounce_occluders", occluder_size),
+                eyes: storage(&device, "bounce_eyes", 8 * u64::from(eyes)),
             });
         }
     }

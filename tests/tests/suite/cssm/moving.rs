@@ -38,13 +38,13 @@ fn poses() -> [Transform; 3] {
 }
 
 /// The node of the short block.
-fn block(stage: &mut Stage) -> Entity {
+pub(super) fn block(stage: &mut Stage) -> Entity {
     let name = CornellBox::BLOCKS[1].name;
     let mut names = stage.world().query::<(Entity, &Name)>();
     names.iter(stage.world()).find(|(_, found)| found.as_str() == name).expect("is in the scene").0
 }
 
-fn bake(stage: &mut Stage, entity: Entity, file: bevy_bounce_cssm::CssmFile) {
+pub(super) fn bake(stage: &mut Stage, entity: Entity, file: bevy_bounce_cssm::CssmFile) {
     let bake = stage.world().resource_mut::<Assets<CssmAsset>>().add(CssmAsset { file });
     stage.world().entity_mut(entity).insert(CssmObject { bake });
 }
