@@ -7,6 +7,7 @@ mod light;
 mod moving;
 mod query;
 mod references;
+mod spread;
 mod stage;
 mod table;
 mod views;

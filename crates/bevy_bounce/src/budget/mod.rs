@@ -32,6 +32,8 @@
 //! | [`SsbcSettings::solid_angle`](crate::SsbcSettings::solid_angle), `edge_solid_angle` | divided by it |
 //! | [`CssmSettings::error`](crate::CssmSettings::error) | divided by it |
 //!
+//! Bounces between baked texels run one a frame, whatever the share.
+//!
 //! Costs of these are about proportional. All else stays as stated, for its change would be seen: grid, resolutions, iterations, caches,
 //! probes. Where these alone take longer, the share is a sixteenth and the budget is overrun. Memory is held for what is stated, so that
 //! no change allocates anything.

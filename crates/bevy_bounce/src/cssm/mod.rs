@@ -14,6 +14,9 @@
 //! | `bounce` | texel | `powers` along its cuts; cube maps, maps from outside | `gathered` |
 //! | `pixels` | pixel | the same | the view's `indirect`, and `glossy` where it is asked for |
 //!
+//! Where a [budget](crate::GlobalIllumination::budget) asks for it, one `bounce` with its `leaves` and `pull` runs a frame, on `powers` and
+//! `gathered` of its own (48 bytes a texel), which are shown once all bounces are there; what the lamps send is pulled in each frame.
+//!
 //! All but the last run only when lights, materials, the objects' places or settings are others than before.
 //!
 //! # What hides what

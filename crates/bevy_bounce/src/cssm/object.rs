@@ -38,6 +38,8 @@ pub(super) struct ExtractedCssm {
     pub gather: CssmGather,
     /// The object that each part is of, by its place in `placed`.
     pub objects_of_parts: Vec<u32>,
+    /// Whether bounces between texels follow each other from frame to frame: all cameras that ask for them have a budget.
+    pub spread: bool,
     /// Whether virtual lights see by bakes.
     pub are_eyes: bool,
     overlaps: Overlaps,
@@ -96,6 +98,7 @@ pub(super) fn extract_cameras(
 ) {
     extracted.bounces = 0;
     extracted.are_eyes = false;
+    extracted.spread = true;
     let mut first = None;
     for (entity, render_entity, camera, gi, budget, exposure, tonemapping) in &cameras {
         let settings = gi.settings();
@@ -109,6 +112,7 @@ pub(super) fn extract_cameras(
         let of_pixels = displays.gather(&gi.given(budget), exposure, tonemapping);
         commands.entity(render_entity).insert(CssmView(of_pixels));
         extracted.bounces = extracted.bounces.max(settings.bounces);
+        extracted.spread &= gi.budget.is_some();
         let key = (camera.order, entity);
         if first.is_none_or(|first| key < first) {
             first = Some(key);

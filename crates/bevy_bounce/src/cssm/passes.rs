@@ -11,7 +11,7 @@ use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 
 use super::pipelines::{CssmPipelines, bind_maps};
 use super::pixels::PixelLight;
-use super::prepare::Baked;
+use super::prepare::{Baked, Light, Next};
 use crate::Technique;
 use crate::compute::{Kernel, folded, whole};
 use crate::scene::SceneBuffers;
@@ -22,17 +22,14 @@ const GROUP: u32 = 64;
 /// Edge of a workgroup over pixels.
 const TILE: u32 = 8;
 
-/// What the kernels bind.
-struct Groups {
+/// What makes the light of the texels before it bounces.
+struct Sources {
     emit: BindGroup,
     direct: BindGroup,
-    /// By level; the one of the leaves is any.
-    hierarchy: Vec<BindGroup>,
-    bounce: BindGroup,
     maps: BindGroup,
 }
 
-impl Groups {
+impl Sources {
     fn new(
         p: &CssmPipelines,
         baked: &Baked,
@@ -40,7 +37,6 @@ impl Groups {
         device: &RenderDevice,
         cache: &PipelineCache,
     ) -> Option<Self> {
-        let (bakes, gather) = (baked.bakes.binding()?, baked.gather.binding()?);
         let emit = [
             whole(&scene.geometry),
             whole(&scene.instances),
@@ -52,20 +48,52 @@ impl Groups {
         ];
         let direct = [
             whole(&baked.texels),
-            bakes.clone(),
+            baked.bakes.binding()?,
             scene.uniform()?,
             whole(&scene.lights),
-            gather.clone(),
+            baked.gather.binding()?,
             whole(&baked.sources),
         ];
+        Some(Self {
+            emit: p.emit.bind(device, cache, &emit),
+            direct: p.direct.bind(device, cache, &direct),
+            maps: bind_maps(baked, device, cache),
+        })
+    }
+
+    /// Emission and direct light.
+    fn light(&self, p: &CssmPipelines, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
+        let size = folded(baked.lights().div_ceil(GROUP));
+        p.emit.dispatch(encoder, cache, &[&self.emit], size);
+        p.direct.dispatch(encoder, cache, &[&self.direct, &self.maps], size);
+    }
+}
+
+/// What lets it bounce.
+struct Bounces {
+    /// By level; the one of the leaves is any.
+    hierarchy: Vec<BindGroup>,
+    bounce: BindGroup,
+    maps: BindGroup,
+}
+
+impl Bounces {
+    fn new(
+        p: &CssmPipelines,
+        baked: &Baked,
+        light: &Light,
+        device: &RenderDevice,
+        cache: &PipelineCache,
+    ) -> Option<Self> {
+        let (bakes, gather) = (baked.bakes.binding()?, baked.gather.binding()?);
         let hierarchy = |level| {
             let bindings = [
                 whole(&baked.texels),
                 bakes.clone(),
                 whole(&baked.tree),
-                whole(&baked.powers),
+                whole(&light.powers),
                 whole(&baked.sources),
-                whole(&baked.gathered),
+                whole(&light.gathered),
                 whole(level),
             ];
             p.leaves.bind(device, cache, &bindings)
@@ -74,27 +102,45 @@ impl Groups {
             whole(&baked.texels),
             bakes.clone(),
             whole(&baked.tree),
-            whole(&baked.powers),
+            whole(&light.powers),
             gather,
-            whole(&baked.gathered),
+            whole(&light.gathered),
         ];
         Some(Self {
-            emit: p.emit.bind(device, cache, &emit),
-            direct: p.direct.bind(device, cache, &direct),
             hierarchy: baked.levels.iter().map(hierarchy).collect(),
             bounce: p.gather(baked.count()).bounce.bind(device, cache, &bounce),
             maps: bind_maps(baked, device, cache),
         })
     }
-}
 
-/// Light of every node from that of the texels.
-fn pull(p: &CssmPipelines, groups: &Groups, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
-    if let Some(group) = groups.hierarchy.first() {
-        p.leaves.dispatch(encoder, cache, &[group], folded(baked.lights().div_ceil(GROUP)));
+    /// Light of every node from that of the texels.
+    fn pull(&self, p: &CssmPipelines, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
+        if let Some(group) = self.hierarchy.first() {
+            p.leaves.dispatch(encoder, cache, &[group], folded(baked.lights().div_ceil(GROUP)));
+        }
+        for (level, group) in self.hierarchy.iter().enumerate().rev() {
+            p.pull.dispatch(encoder, cache, &[group], folded(baked.row(level as u32).div_ceil(GROUP)));
+        }
     }
-    for (level, group) in groups.hierarchy.iter().enumerate().rev() {
-        p.pull.dispatch(encoder, cache, &[group], folded(baked.row(level as u32).div_ceil(GROUP)));
+
+    /// The light of texels that have nothing of each other yet.
+    fn start(
+        &self,
+        p: &CssmPipelines,
+        baked: &Baked,
+        light: &Light,
+        encoder: &mut CommandEncoder,
+        cache: &PipelineCache,
+    ) {
+        encoder.clear_buffer(&light.gathered, 0, None);
+        self.pull(p, baked, encoder, cache);
+    }
+
+    /// One more.
+    fn bounce(&self, p: &CssmPipelines, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
+        let size = folded(baked.lights().div_ceil(GROUP));
+        p.gather(baked.count()).bounce.dispatch(encoder, cache, &[&self.bounce, &self.maps], size);
+        self.pull(p, baked, encoder, cache);
     }
 }
 
@@ -108,30 +154,55 @@ pub(super) fn light_texels(
 ) {
     let (Some(mut baked), Some(p), Some(scene)) = (baked, pipelines, scene) else { return };
     let baked = &mut *baked;
-    if baked.wanted == baked.solved {
+    if baked.rests() || !p.are_ready(baked.count(), &cache) {
         return;
     }
     let Some(wanted) = baked.wanted.clone().filter(|wanted| wanted.bounces > 0) else { return };
-    let Some(groups) =
-        Groups::new(&p, baked, &scene, ctx.render_device(), &cache).filter(|_| p.are_ready(baked.count(), &cache))
-    else {
-        return;
-    };
-    let size = folded(baked.lights().div_ceil(GROUP));
+    let device = ctx.render_device().clone();
+    let Some(sources) = Sources::new(&p, baked, &scene, &device, &cache) else { return };
+    let Some(shown) = Bounces::new(&p, baked, &baked.light, &device, &cache) else { return };
+    // The pixels' own gather is the last bounce.
+    let between = wanted.bounces - 1;
+    let mut next =
+        (wanted.spread && between > 0).then(|| baked.next.take().unwrap_or_else(|| Next::new(&device, baked.lights())));
+    let coming = next.as_ref().and_then(|next| Bounces::new(&p, baked, &next.light, &device, &cache));
+
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/cssm");
-    p.emit.dispatch(encoder, &cache, &[&groups.emit], size);
-    p.direct.dispatch(encoder, &cache, &[&groups.direct, &groups.maps], size);
-    encoder.clear_buffer(&baked.gathered, 0, None);
-    pull(&p, &groups, baked, encoder, &cache);
-    // The pixels' own gather is the last bounce.
-    for _ in 1..wanted.bounces {
-        p.gather(baked.count()).bounce.dispatch(encoder, &cache, &[&groups.bounce, &groups.maps], size);
-        pull(&p, &groups, baked, encoder, &cache);
+    let has_changed = !baked.is_lit();
+    if has_changed {
+        sources.light(&p, baked, encoder, &cache);
+    }
+    match (&mut next, coming) {
+        (Some(next), Some(coming)) => {
+            if has_changed {
+                // At once: what the pixels gather is new, with further bounces as they were.
+                shown.pull(&p, baked, encoder, &cache);
+                next.is_late = true;
+            }
+            let bounces = next.bounces.unwrap_or(0);
+            if bounces == 0 {
+                coming.start(&p, baked, &next.light, encoder, &cache);
+                next.is_late = false;
+            }
+            coming.bounce(&p, baked, encoder, &cache);
+            next.bounces = Some(bounces + 1);
+            if bounces + 1 == between {
+                std::mem::swap(&mut baked.light, &mut next.light);
+                next.bounces = next.is_late.then_some(0);
+            }
+        }
+        _ => {
+            shown.start(&p, baked, &baked.light, encoder, &cache);
+            for _ in 0..between {
+                shown.bounce(&p, baked, encoder, &cache);
+            }
+        }
     }
     span.end(encoder);
+    baked.next = next;
     baked.solved = Some(wanted);
     baked.times_lit += 1;
 }
@@ -168,7 +239,7 @@ impl Pixels<'_> {
             whole(&baked.texels),
             baked.bakes.binding()?,
             whole(&baked.tree),
-            whole(&baked.powers),
+            whole(&baked.light.powers),
             self.light.settings.binding()?,
             self.view.clone(),
             BindingResource::TextureView(&self.textures.surface),

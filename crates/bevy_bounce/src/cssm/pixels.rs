@@ -68,9 +68,9 @@ pub(super) fn prepare_pixels(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
-    // Texels that are not lit are lit in this frame.
-    let (is_lit, times_lit) = baked.map_or((false, 0), |baked| (baked.is_lit(), baked.times_lit));
-    let times_lit = times_lit + u64::from(!is_lit);
+    // Texels whose light is not all there are lit in this frame.
+    let (texels_rest, times_lit) = baked.map_or((false, 0), |baked| (baked.rests(), baked.times_lit));
+    let times_lit = times_lit + u64::from(!texels_rest);
     let most = device.limits().max_storage_buffer_binding_size;
     for (entity, drawn, light) in &mut views {
         let drawn = drawn.filter(|(_, gi, ..)| gi.technique == Technique::SurfaceRadiosity);
@@ -96,7 +96,7 @@ pub(super) fn prepare_pixels(
             glossy,
             times_lit,
         };
-        let rests = |light: &PixelLight| averages && is_lit && !gi.reset && light.of == Some(look);
+        let rests = |light: &PixelLight| averages && texels_rest && !gi.reset && light.of == Some(look);
         let wanted = |light: &PixelLight| CssmGather { restart: u32::from(!rests(light)), ..look.gather };
         match light {
             Some(mut light) if light.kept.size() == bytes => {

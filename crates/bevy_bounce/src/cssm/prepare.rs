@@ -70,12 +70,12 @@ pub(crate) struct Baked {
     pub part_instances: Buffer,
     /// `array<u32>`, by instance: the object that it is part of, or `NONE`. Instances beyond it are of none.
     pub instance_objects: Buffer,
-    /// `array<vec4<f32>>`, two by place of light, of each object its nodes: radiance times area, area.
-    pub powers: Buffer,
+    /// Light that is shown.
+    pub light: Light,
+    /// Light whose bounces are under way, where these follow each other from frame to frame.
+    pub next: Option<Next>,
     /// `array<vec4<f32>>`, by place of light, of each object its texels: radiance without bounces.
     pub sources: Buffer,
-    /// `array<vec4<f32>>`, by place of light: irradiance over pi, nodes of the cuts.
-    pub gathered: Buffer,
     /// One `CssmLevel` each, from the roots on.
     pub levels: Vec<Buffer>,
     /// What the light was solved from, and what it is to be solved from now; `None` before the first frame.
@@ -86,6 +86,44 @@ pub(crate) struct Baked {
     pub times_lit: u64,
 }
 
+/// Light of the texels and of their hierarchies.
+pub(crate) struct Light {
+    /// `array<vec4<f32>>`, two by place of light, of each object its nodes: radiance times area, area.
+    pub powers: Buffer,
+    /// `array<vec4<f32>>`, by place of light: irradiance over pi, nodes of the cuts.
+    pub gathered: Buffer,
+}
+
+impl Light {
+    fn new(device: &RenderDevice, lights: u32) -> Self {
+        let bytes = u64::from(lights) * VALUE;
+        Self {
+            powers: storage(device, "bounce_cssm_powers", 2 * bytes),
+            gathered: storage(device, "bounce_cssm_gathered", bytes),
+        }
+    }
+
+    fn bytes(&self) -> u64 {
+        self.powers.size() + self.gathered.size()
+    }
+}
+
+/// A bounce a frame.
+pub(crate) struct Next {
+    pub light: Light,
+    /// Bounces that it has; nothing when it is all there.
+    pub bounces: Option<u32>,
+    /// Whether something has changed since its first bounce.
+    pub is_late: bool,
+}
+
+impl Next {
+    /// Nothing has bounced yet.
+    pub fn new(device: &RenderDevice, lights: u32) -> Self {
+        Self { light: Light::new(device, lights), bounces: None, is_late: false }
+    }
+}
+
 /// All that the light of the texels depends on.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct State {
@@ -93,6 +131,8 @@ pub(crate) struct State {
     gather: CssmGather,
     /// Gathers between texels and the one of the pixels.
     pub bounces: u32,
+    /// Whether those between texels follow each other from frame to frame.
+    pub spread: bool,
     parts: Vec<[u32; 3]>,
     revision: u64,
 }
@@ -176,7 +216,7 @@ impl Baked {
             })
         };
         debug_assert_eq!(CssmLevel::min_size().get(), 4);
-        let lights = u64::from(words.table.lights) * VALUE;
+        let lights = words.table.lights;
         let levels = words.table.objects.iter().map(|bake| bake.levels).max().unwrap_or(0);
         let baked = Self {
             assets,
@@ -190,9 +230,9 @@ impl Baked {
             surfaces: filled(device, "bounce_cssm_surfaces", &[&shown]),
             part_instances: storage(device, "bounce_cssm_parts", 4 * u64::from(parts)),
             instance_objects: instance_objects(device, &[NONE; 4]),
-            powers: storage(device, "bounce_cssm_powers", 2 * lights),
-            sources: storage(device, "bounce_cssm_sources", lights),
-            gathered: storage(device, "bounce_cssm_gathered", lights),
+            light: Light::new(device, lights),
+            next: None,
+            sources: storage(device, "bounce_cssm_sources", u64::from(lights) * VALUE),
             // The leaves need one, too.
             levels: (0..levels.max(1)).map(level).collect(),
             solved: None,
@@ -202,9 +242,14 @@ impl Baked {
         (baked, too_large)
     }
 
-    /// Whether the texels' light is that of this frame.
+    /// Whether the texels' light is that of this frame, at least as far as it has bounced.
     pub fn is_lit(&self) -> bool {
         self.wanted.is_some() && self.wanted == self.solved
+    }
+
+    /// Whether it has also bounced as often as asked, so that it stays while nothing changes.
+    pub fn rests(&self) -> bool {
+        self.is_lit() && self.next.as_ref().is_none_or(|next| next.bounces.is_none())
     }
 
     /// Whether the objects stand in this frame.
@@ -231,6 +276,7 @@ impl Baked {
 
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> [(&'static str, u64); 4] {
+        let next = self.next.as_ref().map_or(0, |next| next.light.bytes());
         let maps = self.directory.size() + self.pages.iter().map(|page| page.size()).sum::<u64>();
         [
             ("cssm: maps", maps),
@@ -239,7 +285,7 @@ impl Baked {
                 self.texels.size() + self.surfaces.size() + self.part_instances.size() + self.instance_objects.size(),
             ),
             ("cssm: hierarchy", self.tree.size()),
-            ("cssm: light", self.powers.size() + self.sources.size() + self.gathered.size()),
+            ("cssm: light", self.light.bytes() + self.sources.size() + next),
         ]
     }
 }
@@ -274,6 +320,7 @@ pub(super) fn prepare_light(
         bakes,
         gather: extracted.gather,
         bounces: extracted.bounces,
+        spread: extracted.spread,
         parts: extracted.parts.iter().map(look).collect(),
         revision: scene.light_revision(),
     };

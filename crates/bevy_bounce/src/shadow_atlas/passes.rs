@@ -39,7 +39,7 @@ impl Eyes {
             whole(&baked.texels),
             bakes.clone(),
             whole(&baked.tree),
-            whole(&baked.powers),
+            whole(&baked.light.powers),
             baked.gather.binding()?,
             whole(&vpl.header),
             whole(&vpl.vpls),
