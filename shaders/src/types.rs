@@ -385,8 +385,8 @@ pub struct VplParameters {
 /// Bits of each coordinate of a place on a Hilbert curve.
 pub const HILBERT_BITS: u32 = 7;
 
-/// Steps of the error of a node of the tree over the vertices: 64 an octave. See `vpl/cuts.wgsl`.
-pub const NODE_STEPS: u32 = 2048;
+/// Steps of the error of a node of the tree over the vertices: 32 an octave. See `vpl/cuts.wgsl`.
+pub const NODE_STEPS: u32 = 1024;
 
 /// Pairs that one workgroup sorts.
 pub const SORT_BLOCK: u32 = 1024;

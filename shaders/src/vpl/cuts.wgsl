@@ -6,7 +6,7 @@
 // where a cut is depends on what lies in the few nodes around it: nothing that moves elsewhere shifts it, as it would the
 // ends of runs of equal weight. Vertices of the same key part by their place in the order. Walter et al. 2005, "Lightcuts".
 //
-// `measure_nodes`: the error of the least node, in steps of a 64th of an octave, and how often each step occurs. `cut`: the
+// `measure_nodes`: the error of the least node, in steps of a 32nd of an octave, and how often each step occurs. `cut`: the
 // least step with no more cuts at it and above than there is room for lights, and the first vertex of each light.
 //
 // Cost: a thread a vertex, two binary searches through the order; then one workgroup, one load a vertex.
@@ -66,9 +66,9 @@ fn node_error(index: u32) -> f32 {
     return f32(starts[min(low + (1u << bits), first_at(key + 1u))] - starts[max(low, first_at(key))]);
 }
 
-// Exponent and the first six bits of the mantissa.
+// Exponent and the first five bits of the mantissa.
 fn step_of(error: f32) -> u32 {
-    return min((bitcast<u32>(max(error, 1.0)) - 0x3f800000u) >> 17u, NODE_STEPS - 1u);
+    return min((bitcast<u32>(max(error, 1.0)) - 0x3f800000u) >> 18u, NODE_STEPS - 1u);
 }
 
 @compute @workgroup_size(256)

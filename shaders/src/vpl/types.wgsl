@@ -70,8 +70,8 @@ fn meeting_normal(word: u32) -> vec3<f32> {
 /// Fixed point: one light. 65,536 lights fit into a word.
 const LIGHT_SHIFT: u32 = 15u;
 
-/// Steps of the error of a node of the tree over the vertices: 64 an octave.
-const NODE_STEPS: u32 = 2048u;
+/// Steps of the error of a node of the tree over the vertices: 32 an octave.
+const NODE_STEPS: u32 = 1024u;
 
 const FACINGS: u32 = 6u;
 
