@@ -6,7 +6,6 @@
 #import bevy_render::view::View
 #import bevy_bounce::interleaved::surface::unproject
 #import bevy_bounce::shared::grid::facing_of
-#import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{cells, to_grid, trace, Hit, Ray}
 #ifdef VOXEL_LIGHT
 #import bevy_bounce::radiance_cache::types::LightVolume
@@ -38,12 +37,12 @@ fn ray_through(pixel: vec2<u32>, size: vec2<u32>) -> Ray {
 
 #ifdef VOXEL_LIGHT
 /// Light of the voxel on the side of its longest axis, cd/m^2: see `radiance_cache/volume.wgsl`.
-fn light_of(ray: Ray, hit: Hit, normal: vec3<f32>) -> vec3<f32> {
+fn light_of(ray: Ray, hit: Hit) -> vec3<f32> {
     var voxel = vec3<i32>(floor(ray.origin + ray.direction * (hit.t + INSIDE)));
     if any(voxel < vec3<i32>(0)) || any(voxel >= vec3<i32>(volume.dims)) {
         return vec3<f32>(0.0);
     }
-    let facing = facing_of(normal);
+    let facing = facing_of(hit.normal);
     if (facing & 1u) != 0u {
         voxel.x += i32(volume.dims.x + volume.gap);
     }
@@ -67,15 +66,13 @@ fn show_voxels(@builtin(global_invocation_id) id: vec3<u32>) {
     let hit = trace(ray);
     var color = vec3<f32>(0.0);
     if hit.found {
-        let cell = cells[hit.cell];
-        let normal = decode_unit(cell.normal);
 #ifdef VOXEL_LIGHT
-        color = light_of(ray, hit, normal) * view.exposure;
+        color = light_of(ray, hit) * view.exposure;
 #else
 #ifdef VOXEL_NORMAL
-        color = normal * 0.5 + 0.5;
+        color = hit.normal * 0.5 + 0.5;
 #else
-        color = unpack4x8unorm(cell.albedo).rgb;
+        color = unpack4x8unorm(cells[hit.cell].albedo).rgb;
 #endif
 #endif
     }

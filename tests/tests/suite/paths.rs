@@ -12,7 +12,7 @@ use bevy_bounce_shaders::types::{
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
-use bevy_bounce_tests::scene::{TestScene, count_of, cuboid, run, voxelize};
+use bevy_bounce_tests::scene::{TestScene, add_groups, count_of, cuboid, run, voxelize};
 use bevy_bounce_tests::twins::random::Random;
 
 use crate::sort::radix_sort;
@@ -33,10 +33,21 @@ impl Traced {
     }
 
     pub fn through(scene: &TestScene, grid: Grid, max_bounces: u32) -> Self {
+        Self::with_groups(scene, grid, max_bounces, &[], &[])
+    }
+
+    /// With groups that have grids of their own: see [`add_groups`].
+    pub fn with_groups(
+        scene: &TestScene,
+        grid: Grid,
+        max_bounces: u32,
+        grids: &[(&TestScene, Grid)],
+        placed: &[(usize, Affine3A)],
+    ) -> Self {
         let parameters = VplParameters { capacity: 1000, path_count: PATHS, max_bounces, bound_scale: 1.0 };
         let slots = PATHS as usize * (max_bounces as usize + 1);
         let bricks = count_of(&grid, 8);
-        let resources = voxelize(gpu(), scene, &grid, None)
+        let resources = add_groups(gpu(), voxelize(gpu(), scene, &grid, None), grids, placed)
             .uniform("parameters", &parameters)
             .structs("vertices", &vec![Vpl::default(); slots])
             .structs("paths", &vec![Path::default(); PATHS as usize])
@@ -81,6 +92,11 @@ impl Traced {
         let list = resources.read_structs::<Vpl>("vpls").expect("reads back");
         self.resources = resources;
         (self, header, list)
+    }
+
+    /// Paths that ended before so many bounces.
+    pub fn lost(&self, bounces: u32) -> usize {
+        self.paths.iter().filter(|path| path.length < bounces).count()
     }
 
     fn path(&self, path: usize) -> &[Vpl] {
@@ -154,7 +170,7 @@ fn no_light_leaves_a_closed_room() {
     scene.soup(&cuboid(Vec3::new(-1.1, 0.0, -0.7), Vec3::new(-0.4, 1.2, 0.1)));
     scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::splat(10.0)));
     let traced = Traced::new(&scene, 0.11, 8);
-    let lost = traced.paths.iter().filter(|path| path.length < 8).count();
+    let lost = traced.lost(8);
     // Where walls meet, a ray may pass between the planes of two voxels.
     assert!(lost * 2000 <= traced.paths.len() * 8, "{lost} of {PATHS} paths left a room of albedo 1 in 8 bounces");
     for vertex in traced.all() {

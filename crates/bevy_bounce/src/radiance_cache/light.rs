@@ -48,7 +48,7 @@ impl Groups {
             grid_uniform.clone(),
             scene_uniform.clone(),
             whole(&scene.emissive_chunks),
-            whole(&grid.queue),
+            whole(&grid.work.queue),
             whole(&grid.voxels),
             whole(&light.emission_sums),
         ];
@@ -88,7 +88,7 @@ impl Groups {
             p.reduce.bind(device, cache, &bindings)
         };
         Some(Self {
-            emission: p.emit.bind(device, cache, grid, &emission),
+            emission: p.emit.bind(device, cache, &grid.work, &emission),
             places: p.list_places.bind(device, cache, &places),
             light: p.light_cells.bind(device, cache, &lit),
             grid: bind_grid(grid, device, cache)?,
@@ -116,7 +116,7 @@ fn add_emission(
         return;
     }
     encoder.clear_buffer(&light.emission_sums, 0, None);
-    p.emit.dispatch(encoder, cache, grid, &groups.emission, folded(chunks));
+    p.emit.dispatch(encoder, cache, &grid.work, &groups.emission, folded(chunks));
 }
 
 /// Direct light, emission and further bounces of every cell, then the levels.
@@ -140,7 +140,7 @@ pub(super) fn light_voxels(
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/voxel_light");
-    add_emission(&p, &groups, &light, &grid, scene.emissive_chunk_count(), encoder, &cache);
+    add_emission(&p, &groups, &light, &grid, scene.world_emissive_chunk_count(), encoder, &cache);
     encoder.clear_buffer(&light.places, 0, None);
     let voxels = folded(grid.grid.dims.element_product().div_ceil(GROUP));
     p.list_places.dispatch(encoder, &cache, &[&groups.places], voxels);
