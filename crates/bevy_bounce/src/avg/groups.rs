@@ -9,7 +9,7 @@ use bevy::render::render_resource::encase::internal::WriteInto;
 use bevy::render::render_resource::encase::{ShaderSize, StorageBuffer};
 use bevy::render::render_resource::{Buffer, BufferInitDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy_bounce_shaders::types::{Cell, GROUP_EDGE, Grid, Scene, VOXEL_GROUPS, VoxelGroup, VoxelGroups};
+use bevy_bounce_shaders::types::{GROUP_EDGE, Grid, Scene, VOXEL_GROUPS, VoxelGroup, VoxelGroups};
 
 use super::grid::{PHASE, VoxelGrid, Workspace, extent_of};
 use crate::scene::{GroupGrid, Groups};
@@ -19,23 +19,22 @@ use crate::settings::GiWorldSettings;
 pub(super) const GROUP_VOXELS: u64 = (GROUP_EDGE as u64).pow(3);
 /// Cells.
 pub(crate) const GROUP_CELLS: u64 = GROUP_VOXELS / 2;
-/// What the beginning of a binding within a buffer is a multiple of, bytes.
-const ALIGNMENT: u64 = 256;
-
-/// Where grids of groups begin behind so many elements.
-pub(crate) fn first_behind(elements: u64, element_bytes: u64) -> u64 {
-    elements.next_multiple_of(ALIGNMENT / element_bytes)
+/// Groups begin behind so many voxels or cells of the world that they can be bound by themselves, in any buffer that holds words
+/// for each: 256 bytes.
+pub(crate) fn first_behind(world: u64) -> u64 {
+    world.next_multiple_of(64)
 }
 
 /// Whether the voxels of the world's grids and of all groups fit one binding.
 pub(crate) fn has_room_for_groups(edge: u32, levels: usize, limit: u64) -> bool {
     let world = u64::from(edge).pow(3) * levels.max(1) as u64;
-    (first_behind(world, 4) + VOXEL_GROUPS as u64 * GROUP_VOXELS) * 4 <= limit
+    (first_behind(world) + VOXEL_GROUPS as u64 * GROUP_VOXELS) * 4 <= limit
 }
 
 /// What a grid is voxelised from.
 pub(crate) struct GroupSource {
-    revision: u64,
+    /// Another one where anything of it has changed.
+    pub revision: u64,
     /// Instances in the group's space.
     pub instances: Buffer,
     /// All chunks, then how many there are.
@@ -77,8 +76,8 @@ impl GroupGrids {
             work: None,
             capacity,
             built: 0,
-            first_voxel: first_behind(world_voxels, 4),
-            first_cell: first_behind(world_cells, Cell::min_size().get()),
+            first_voxel: first_behind(world_voxels),
+            first_cell: first_behind(world_cells),
         }
     }
 
@@ -102,9 +101,8 @@ impl GroupGrids {
         ((self.first_voxel + index as u64 * GROUP_VOXELS) * 4, GROUP_VOXELS * 4)
     }
 
-    /// Where its cells are, bytes.
-    pub fn cell_range(&self, index: usize) -> (u64, u64) {
-        let bytes = Cell::min_size().get();
+    /// Where its cells are in a buffer with so many bytes a cell, bytes.
+    pub fn cell_range(&self, index: usize, bytes: u64) -> (u64, u64) {
         ((self.first_cell + index as u64 * GROUP_CELLS) * bytes, GROUP_CELLS * bytes)
     }
 

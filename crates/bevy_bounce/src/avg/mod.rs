@@ -44,10 +44,10 @@ use crate::plugins::{GiSystems, configure_stages};
 use crate::recovery::forget_resource;
 
 pub use groups::{GroupCounts, group_counts};
-pub(crate) use groups::has_room_for_groups;
-pub(crate) use grid::{PHASE, VoxelGrid, prepare_grid};
+pub(crate) use groups::{GROUP_CELLS, has_room_for_groups};
+pub(crate) use grid::{PHASE, VoxelGrid, Workspace, prepare_grid};
 pub(crate) use pipelines::{bind_grid, bind_sky, grid_layout, sky_layout};
-pub(crate) use triangles::{TriangleGroups, TriangleRun};
+pub(crate) use triangles::TriangleRun;
 
 /// Builds the voxel grid; see the [module](self).
 pub struct AvgPlugin;

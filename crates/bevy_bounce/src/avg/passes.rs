@@ -2,9 +2,9 @@
 
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{BindingResource, Buffer, CommandEncoder, PipelineCache};
+use bevy::render::render_resource::{BindingResource, Buffer, CommandEncoder, PipelineCache, ShaderType};
 use bevy::render::renderer::{RenderContext, RenderDevice};
-use bevy_bounce_shaders::types::GROUP_EDGE;
+use bevy_bounce_shaders::types::{Cell, GROUP_EDGE};
 
 use super::grid::{BLOCK_VOXELS, VoxelGrid, Workspace};
 use super::groups::GROUP_CELLS;
@@ -112,7 +112,7 @@ fn voxelize_groups(
             instances: &source.instances,
             chunks: &source.chunks.0,
             voxels: held.groups.voxel_range(index),
-            cells: held.groups.cell_range(index),
+            cells: held.groups.cell_range(index, u64::from(Cell::min_size())),
             work,
             chunk_count: source.chunks.1,
             leap_count: (GROUP_EDGE / 2).pow(3),

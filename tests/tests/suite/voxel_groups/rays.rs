@@ -192,8 +192,8 @@ fn surfaces_of_groups_do_not_hide_themselves() {
         if local.abs().max_element() < 0.5 || slope.abs() < 0.2 || (away - on).length() < 0.4 {
             continue;
         }
-        // Both ways.
-        let (from, to, from_normal, to_normal) = if random.below(2) == 0 {
+        // Surfaces let pass what comes from behind: what is hidden is hidden to rays that come.
+        let (from, to, from_normal, to_normal) = if slope > 0.0 && random.below(2) == 0 {
             (on, away, normal, Vec3::ZERO)
         } else {
             (away, on, Vec3::ZERO, normal)
