@@ -3,8 +3,7 @@
 use bevy::math::{Affine3A, UVec3, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
     BRICK_WORDS, CHUNK_TRIANGLES, Cell, Chunk, Emitter, FURTHER_LEVELS, Grid, GridLevel, Instance, Light,
-    MEETING_WORDS, Material, NONE, OccluderChunk, REGIONS, Region, Scene, VERTEX_WORDS,
-    VoxelGroup, VoxelGroups,
+    MEETING_WORDS, Material, NONE, OccluderChunk, REGIONS, Region, Scene, VERTEX_WORDS, VoxelGroup, VoxelGroups,
 };
 use half::f16;
 

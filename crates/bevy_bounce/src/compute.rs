@@ -7,8 +7,8 @@ use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy::render::render_resource::{
-    BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, BindingResource, Buffer, BufferBinding,
-    CachedComputePipelineId, CachedPipelineState, CommandEncoder, ComputePass, ComputePassDescriptor,
+    BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, BindingResource, Buffer,
+    BufferBinding, CachedComputePipelineId, CachedPipelineState, CommandEncoder, ComputePass, ComputePassDescriptor,
     ComputePipelineDescriptor, PipelineCache, ShaderStages,
 };
 use bevy::render::renderer::RenderDevice;

@@ -198,9 +198,7 @@ pub(crate) fn prepare_grid(
     let levels = regions.len().max(1);
     let needed = groups.placed.iter().map(|group| group.grid + 1).max().unwrap_or(0);
     match grid {
-        Some(mut grid)
-            if (grid.edge, grid.levels) == (settings.grid, levels) && needed <= grid.groups.capacity =>
-        {
+        Some(mut grid) if (grid.edge, grid.levels) == (settings.grid, levels) && needed <= grid.groups.capacity => {
             place(&mut grid);
         }
         _ => {

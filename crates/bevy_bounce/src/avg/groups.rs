@@ -12,7 +12,7 @@ use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::{GROUP_EDGE, Grid, Scene, VOXEL_GROUPS, VoxelGroup, VoxelGroups};
 
 use super::grid::{PHASE, VoxelGrid, Workspace, extent_of};
-use crate::scene::{GroupGrid, Groups};
+use crate::scene::{Bounds, GroupGrid, Groups};
 use crate::settings::GiWorldSettings;
 
 /// Voxels that each grid has room for.
@@ -157,7 +157,7 @@ impl GroupSource {
             instances: storage(device, "bounce_group_instances", &grid.instances()),
             chunks,
             emissive_chunks,
-            grid: UniformBuffer::from(fit(grid)),
+            grid: UniformBuffer::from(fit(&grid.bounds(), grid.resolution())),
             scene: UniformBuffer::from(scene),
             is_built: false,
         };
@@ -185,8 +185,7 @@ fn storage<T: ShaderType + ShaderSize + WriteInto + Default>(
 }
 
 /// Cubic voxels over what a grid holds, with an empty one all round.
-fn fit(grid: &GroupGrid) -> Grid {
-    let (bounds, edge) = (grid.bounds(), grid.resolution());
+fn fit(bounds: &Bounds, edge: u32) -> Grid {
     // An empty voxel on either side, and what the phase takes.
     let voxel_size = extent_of(bounds.min, bounds.max) / (edge - 3) as f32;
     let low = bounds.min / voxel_size - 1.0 - PHASE;
@@ -237,4 +236,59 @@ pub fn group_counts(render_world: &World) -> Option<GroupCounts> {
     let placed = &render_world.get_resource::<Groups>()?.placed;
     let grids: std::collections::BTreeSet<usize> = placed.iter().map(|group| group.grid).collect();
     Some(GroupCounts { groups: held.count(), grids: grids.len() as u32, voxelized: held.built })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_place_begins_where_it_can_be_bound() {
+        let groups = GroupGrids::new(4, 33 * 33 * 33, 1001);
+        for index in 0..4 {
+            for (offset, size) in
+                [groups.voxel_range(index), groups.cell_range(index, 16), groups.cell_range(index, 12)]
+            {
+                assert!(offset % 256 == 0 && size % 4 == 0 && offset >= 1001 * 12, "{offset}");
+            }
+        }
+        assert_eq!(groups.voxel_range(3).0 + groups.voxel_range(3).1, groups.voxel_count() * 4);
+        assert!(has_room_for_groups(128, 4, 1 << 27) && !has_room_for_groups(256, 2, 1 << 27));
+    }
+
+    #[test]
+    fn a_grid_holds_its_group_with_a_border() {
+        for (min, max) in [
+            (Vec3::splat(-2.8), Vec3::splat(2.8)),
+            (Vec3::new(-18.0, -0.1, -11.0), Vec3::new(19.0, 0.1, 12.0)),
+            (Vec3::new(3.0, 4.0, 5.0), Vec3::new(3.0, 9.0, 5.0)),
+        ] {
+            for edge in [8, 17, 32] {
+                let grid = fit(&Bounds { min, max }, edge);
+                let low = (min - grid.origin) / grid.voxel_size;
+                let high = (max - grid.origin) / grid.voxel_size;
+                assert!(low.cmpge(Vec3::splat(0.9)).all(), "{grid:?} {low}");
+                assert!(high.cmple(grid.dims.as_vec3() - 0.9).all(), "{grid:?} {high}");
+                assert!(grid.dims.max_element() <= edge, "{grid:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_placed_grid_is_where_the_group_is() {
+        let grid = fit(&Bounds { min: Vec3::NEG_ONE, max: Vec3::new(1.0, 2.0, 3.0) }, 32);
+        let world_from_group = Affine3A::from_scale_rotation_translation(
+            Vec3::new(2.0, -0.5, 1.5),
+            Quat::from_rotation_y(0.7),
+            Vec3::new(3.0, 4.0, 5.0),
+        );
+        let placed = place(&grid, &world_from_group);
+        let point = Vec3::new(0.3, 1.1, -0.4);
+        let world = world_from_group.transform_point3(point).extend(1.0);
+        let rows = [placed.voxels_from_world_x, placed.voxels_from_world_y, placed.voxels_from_world_z];
+        let voxels = Vec3::from_array(rows.map(|row| row.dot(world)));
+        assert!(voxels.abs_diff_eq((point - grid.origin) / grid.voxel_size, 1e-3), "{voxels}");
+        let volume = grid.voxel_size.powi(3) * -1.5;
+        assert!((placed.inverse_determinant / volume - 1.0).abs() < 1e-4, "{}", placed.inverse_determinant);
+    }
 }

@@ -64,10 +64,9 @@ fn kernel(isolate: GiIsolate, glossy: bool, cache: &PipelineCache, shaders: &GiS
         GiIsolate::TreeLevels => baked("debug/tree.wgsl", "show_tree", &[]),
         GiIsolate::BakedAtlas => baked("debug/baked_atlas.wgsl", "show_baked_atlas", &[]),
         GiIsolate::VoxelNormal => voxels(&[uniform, picture], &["VOXEL_NORMAL"]),
-        GiIsolate::VoxelLight => voxels(
-            &[uniform, picture, uniform, read, light, light, light, light, light, light],
-            &["VOXEL_LIGHT"],
-        ),
+        GiIsolate::VoxelLight => {
+            voxels(&[uniform, picture, uniform, read, light, light, light, light, light, light], &["VOXEL_LIGHT"])
+        }
         GiIsolate::VoxelLevels => {
             let bindings = [uniform, picture, uniform, read, light, light, light, uniform];
             alone("debug/levels.wgsl", "show_levels", &bindings)

@@ -2,9 +2,7 @@
 
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{
-    BindGroup, BindingResource, Buffer, CommandEncoder, PipelineCache, TextureView,
-};
+use bevy::render::render_resource::{BindGroup, BindingResource, Buffer, CommandEncoder, PipelineCache, TextureView};
 use bevy::render::renderer::{RenderContext, RenderDevice};
 use bevy_bounce_shaders::types::GROUP_EDGE;
 

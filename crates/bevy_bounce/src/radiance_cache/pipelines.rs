@@ -65,10 +65,7 @@ fn volume_layout() -> BindGroupLayoutDescriptor {
     let uniform = uniform_buffer_sized(false, None);
     let light = texture_3d(TextureSampleType::Float { filterable: true });
     let filtering = sampler(SamplerBindingType::Filtering);
-    group_layout(
-        "bounce_volume",
-        &[uniform, uniform, light, light, light, filtering, uniform, light, light, light],
-    )
+    group_layout("bounce_volume", &[uniform, uniform, light, light, light, filtering, uniform, light, light, light])
 }
 
 /// The light of the voxels as group 1.

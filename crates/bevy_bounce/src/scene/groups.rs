@@ -223,7 +223,8 @@ fn content_of(
     let mirrored = if group.world_from_group.matrix3.determinant() < 0.0 { INSTANCE_FLIPPED } else { 0 };
     for (entity, group_from_local) in &group.members {
         let Some((slot, mesh, instance, emits)) = instances.rigid(*entity) else { continue };
-        let (Some(entry), Some(material)) = (meshes.get(mesh), materials.table.values().get(instance.material as usize))
+        let (Some(entry), Some(material)) =
+            (meshes.get(mesh), materials.table.values().get(instance.material as usize))
         else {
             continue;
         };
@@ -261,9 +262,9 @@ pub(super) fn update_groups(
     let groups = &mut *groups;
     groups.invalidate(&instances, &thumbnails);
     groups.placed.clear();
-    let has_room = settings.0.is_none_or(|settings| {
-        has_room_for_groups(settings.grid, regions.boxes().len(), buffer_limit(&device).0)
-    });
+    let has_room = settings
+        .0
+        .is_none_or(|settings| has_room_for_groups(settings.grid, regions.boxes().len(), buffer_limit(&device).0));
     let found: Vec<_> = extracted
         .0
         .iter()

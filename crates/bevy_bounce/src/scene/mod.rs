@@ -156,14 +156,7 @@ impl Plugin for GiScenePlugin {
                 ExtractSchedule,
                 (
                     extract_cameras,
-                    (
-                        extract_instances,
-                        extract_groups,
-                        extract_materials,
-                        extract_lights,
-                        extract_poses,
-                        extract_sky,
-                    ),
+                    (extract_instances, extract_groups, extract_materials, extract_lights, extract_poses, extract_sky),
                 )
                     .chain(),
             )

@@ -2,9 +2,7 @@
 
 use bevy::prelude::*;
 use bevy_bounce::avg::{GroupCounts, group_counts};
-use bevy_bounce::{
-    GiSettings, GlobalIllumination, Quality, Technique, VoxelizedGroup, VoxelizedMesh, VplVisibility,
-};
+use bevy_bounce::{GiSettings, GlobalIllumination, Quality, Technique, VoxelizedGroup, VoxelizedMesh, VplVisibility};
 use bevy_bounce_examples::scenes::{Builder, CornellBox, CornellPlugin};
 use bevy_bounce_tests::metrics::Metrics;
 use bevy_bounce_tests::picture::Picture;
@@ -82,7 +80,9 @@ fn what_moves_is_not_voxelised_again() {
         for place in places {
             stage.world().entity_mut(block).insert(place);
             let moved = stage.picture();
-            assert_eq!(counts(&stage).voxelized, voxelized, "voxelised again");
+            // A mirror image is another one: of each triangle the other side is seen.
+            let mirrored = u64::from(place.scale.x < 0.0);
+            assert_eq!(counts(&stage).voxelized, voxelized + mirrored, "voxelised again");
             assert!(moved != before, "the light stays where it was");
             let fresh = self::stage(technique, SMALL, |app| {
                 app.add_plugins(CornellPlugin).add_systems(
@@ -115,7 +115,8 @@ fn hall(build: &mut Builder, blocks: usize, grouped: bool) {
     let white = build.paint([0.7; 3]);
     CornellBox::spawn_walls(build);
     CornellBox::spawn_lamp_and_camera(&mut build.commands);
-    let (body, top) = (build.meshes.add(Cuboid::new(0.31, 0.43, 0.29)), build.meshes.add(Cuboid::new(0.13, 0.17, 0.11)));
+    let (body, top) =
+        (build.meshes.add(Cuboid::new(0.31, 0.43, 0.29)), build.meshes.add(Cuboid::new(0.13, 0.17, 0.11)));
     for i in 0..blocks {
         let place = Vec3::new(-1.53 + 0.61 * (i % 6) as f32, 0.29, -1.51 + 0.59 * (i / 6) as f32);
         let turned = Transform::from_translation(place).with_rotation(Quat::from_rotation_y(0.4 * i as f32));
@@ -147,12 +148,16 @@ fn groups_of_the_same_meshes_share_a_grid() {
     // One gets another resolution, and is one of its own.
     stage.world().entity_mut(roots[1]).insert(VoxelizedGroup { resolution: 32 });
     stage.frame(std::time::Duration::ZERO);
-    assert_eq!(counts(&stage), GroupCounts { groups: 2, grids: 2, voxelized: 3 }, "with room for two, both are made anew");
+    assert_eq!(
+        counts(&stage),
+        GroupCounts { groups: 2, grids: 2, voxelized: 2 },
+        "with room for two, both are made anew"
+    );
     // One loses a part.
     let child = stage.world().get::<Children>(roots[0]).map(|children| children[0]).expect("has parts");
     stage.world().entity_mut(child).insert(VoxelizedMesh::OFF);
     stage.frame(std::time::Duration::ZERO);
-    assert_eq!(counts(&stage), GroupCounts { groups: 2, grids: 2, voxelized: 4 });
+    assert_eq!(counts(&stage), GroupCounts { groups: 2, grids: 2, voxelized: 3 });
     // All as before.
     stage.world().entity_mut(child).remove::<VoxelizedMesh>();
     stage.world().entity_mut(roots[1]).insert(VoxelizedGroup { resolution: 16 });
@@ -192,16 +197,65 @@ fn a_group_that_goes_leaves_nothing() {
     }
 }
 
+/// The Cornell box with so many small cubes along its back as have room in groups, then its two blocks.
+fn crowded(technique: Technique, grouped: bool, blocks: bool) -> Stage {
+    stage(technique, FINE, move |app| {
+        app.add_systems(Startup, move |mut build: Builder| {
+            CornellBox::spawn_walls(&mut build);
+            CornellBox::spawn_lamp_and_camera(&mut build.commands);
+            let white = build.paint([0.7; 3]);
+            let cube = build.meshes.add(Cuboid::from_length(0.07));
+            let group = move |root: &mut EntityCommands| {
+                if grouped {
+                    root.insert(VoxelizedGroup { resolution: 8 });
+                }
+            };
+            for i in 0..32 {
+                let place = Transform::from_xyz(-1.71 + 0.11 * i as f32, 0.07, -1.87);
+                let cube = (Mesh3d(cube.clone()), MeshMaterial3d(white.clone()), place);
+                group(&mut build.commands.spawn(cube));
+            }
+            for block in CornellBox::BLOCKS.iter().filter(|_| blocks) {
+                group(&mut build.block(block.base, block.size, 0.3, &white));
+            }
+        });
+    })
+}
+
 #[test]
 fn more_groups_than_there_is_room_for_are_in_the_world() {
     for technique in TECHNIQUES {
-        let expected = hall_stage(technique, 36, false).picture();
-        let without = hall_stage(technique, 0, false).picture();
-        let mut stage = hall_stage(technique, 36, true);
+        let expected = crowded(technique, false, true).picture();
+        let without = crowded(technique, true, false).picture();
+        let mut stage = crowded(technique, true, true);
         let found = stage.picture();
         assert_eq!(counts(&stage), GroupCounts { groups: 32, grids: 1, voxelized: 1 });
         assert_like(&format!("{technique:?}"), &found, &expected, 0.1);
         let differs = Metrics::new(&without, &expected).expect("sizes are equal");
-        assert!(differs.low > 0.12, "the bounds would not notice that blocks are missing: {differs:?}");
+        assert!(differs.low > 0.2, "the bounds would not notice that blocks are missing: {differs:?}");
     }
+}
+
+#[test]
+#[ignore = "debugging"]
+fn dump() {
+    let save = |name: &str, picture: Picture| {
+        picture.save(std::path::Path::new(&format!("/tmp/g_{name}.exr"))).expect("saves")
+    };
+    let at = |grid, vpls, visibility| GiSettings { grid, vpls, visibility, bounces: 8, ..SMALL };
+    let rc = Technique::RadianceCache;
+    let fine = at(96, 4096, VplVisibility::Voxel);
+    let with = |settings, blocks, grouped| {
+        stage(rc, settings, |app| {
+            app.add_systems(Startup, move |mut build: Builder| hall(&mut build, blocks, grouped));
+        })
+    };
+    save("rw48", with(FINE, 36, false).picture());
+    save("rg48", with(FINE, 36, true).picture());
+    save("rw96", with(fine, 36, false).picture());
+    save("rg96", with(fine, 36, true).picture());
+    save("rc48w", cornell(rc, FINE, false).picture());
+    save("rc48g", cornell(rc, FINE, true).picture());
+    save("rc96w", cornell(rc, fine, false).picture());
+    save("rc96g", cornell(rc, fine, true).picture());
 }

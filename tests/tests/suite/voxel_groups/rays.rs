@@ -65,7 +65,7 @@ fn tables() -> [(TestScene, Grid); 2] {
 }
 
 /// A grid as groups have it.
-fn group_grid(scene: &TestScene) -> Grid {
+pub fn group_grid(scene: &TestScene) -> Grid {
     let (low, high) = scene.bounds();
     scene.grid((high - low).max_element() / (GROUP_EDGE - 4) as f32)
 }
@@ -85,8 +85,22 @@ fn placements() -> Vec<(usize, Affine3A)> {
     );
     vec![
         (0, Affine3A::from_rotation_translation(turn(0.3, 0.7, 0.2), Vec3::new(-1.1, 0.9, -0.4))),
-        (0, Affine3A::from_scale_rotation_translation(Vec3::new(0.7, 1.9, 1.2), turn(0.0, 2.1, 0.5), Vec3::new(1.0, 0.6, -0.2))),
-        (1, Affine3A::from_scale_rotation_translation(Vec3::new(-1.0, 0.8, 1.0), turn(1.3, 0.2, 0.0), Vec3::new(0.1, 1.7, -0.9))),
+        (
+            0,
+            Affine3A::from_scale_rotation_translation(
+                Vec3::new(0.7, 1.9, 1.2),
+                turn(0.0, 2.1, 0.5),
+                Vec3::new(1.0, 0.6, -0.2),
+            ),
+        ),
+        (
+            1,
+            Affine3A::from_scale_rotation_translation(
+                Vec3::new(-1.0, 0.8, 1.0),
+                turn(1.3, 0.2, 0.0),
+                Vec3::new(0.1, 1.7, -0.9),
+            ),
+        ),
         (0, shear),
     ]
 }
@@ -252,10 +266,8 @@ fn no_light_is_lost_between_grids() {
         max_bounces: u32::MAX,
         ..Default::default()
     });
-    let place = Affine3A::from_rotation_translation(
-        Quat::from_euler(EulerRot::XYZ, 0.4, 0.9, 0.2),
-        Vec3::new(-0.4, 1.1, 0.1),
-    );
+    let place =
+        Affine3A::from_rotation_translation(Quat::from_euler(EulerRot::XYZ, 0.4, 0.9, 0.2), Vec3::new(-0.4, 1.1, 0.1));
     let grid = world.grid(0.11);
     let own = group_grid(&group);
     let traced = crate::paths::Traced::with_groups(&world, grid, 8, &[(&group, own)], &[(0, place)]);

@@ -1,0 +1,148 @@
+//! Cones through groups: they close what groups fill, and see their light.
+
+use std::f32::consts::PI;
+
+use bevy::math::{Affine3A, EulerRot, Quat, Vec3, Vec4};
+use bevy_bounce_shaders::types::{
+    CACHE_EDGE, CACHE_HEIGHT, CACHE_WIDTH, CACHES_A_ROW, CacheCounters, GROUP_EDGE, Grid, LightVolume, RadianceCache,
+};
+use bevy_bounce_tests::gpu::gpu;
+use bevy_bounce_tests::scene::{TestScene, add_groups, cuboid, run, run_with, voxelize};
+use bevy_bounce_tests::twins::random::Random;
+use half::f16;
+use wgpu::TextureFormat;
+
+use super::rays::group_grid;
+use crate::paths::intersect;
+
+const HALF: TextureFormat = TextureFormat::Rgba16Float;
+const ALBEDO: f32 = 0.5;
+
+/// What caches at those places see of one group in an empty world of 8 by 8 by 8: light and coverage of each direction.
+fn see(group: &TestScene, place: Affine3A, caches: &[(Vec3, Vec3)]) -> Vec<Vec<Vec4>> {
+    let world =
+        Grid { origin: Vec3::splat(-4.0), voxel_size: 0.125, dims: bevy::math::UVec3::splat(64), ..Default::default() };
+    let nothing = TestScene::new(Vec3::ONE);
+    let grid = Grid { cell_capacity: 64, ..world };
+    let resources =
+        add_groups(gpu(), voxelize(gpu(), &nothing, &grid, None), &[(group, group_grid(group))], &[(0, place)]);
+    let cells = resources.read_words("cells").expect("reads back").len() / 4;
+    let volume = LightVolume { dims: world.dims, gap: 1, first_group_cell: 0, ..Default::default() };
+    let records: Vec<_> = caches
+        .iter()
+        .map(|&(position, normal)| RadianceCache { position, normal, radius: 1.0, ..Default::default() })
+        .collect();
+    let mut resources = resources
+        .uniform("volume", &volume)
+        // What sends a radiance of 1.
+        .floats("irradiance", &vec![PI / ALBEDO; 8 * cells])
+        .zeroed("emission_sums", 4)
+        .floats("unit", &[1.0])
+        .structs("counters", &[CacheCounters { clusters: caches.len() as u32, ..Default::default() }])
+        .structs("caches", &records)
+        .texture("atlas", HALF, [CACHES_A_ROW * CACHE_WIDTH, CACHE_HEIGHT, 1], false, &[])
+        .sampler("light_sampler", wgpu::FilterMode::Linear);
+    for axis in ["x", "y", "z"] {
+        let names: Vec<String> = (0..6).map(|level| format!("{axis}{level}")).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        let cube = [2 * GROUP_EDGE, GROUP_EDGE, GROUP_EDGE];
+        resources = resources
+            .volume_mips(&format!("group_{axis}"), HALF, cube, &names)
+            .alias(&format!("{axis}0"), &format!("level_{axis}"))
+            .texture(&format!("light_{axis}"), HALF, [129, 64, 64], true, &[]);
+    }
+    run_with(gpu(), "radiance_cache/volume.wgsl", "fill", &["GROUPS"], &resources, [GROUP_EDGE / 4; 3]);
+    for level in 1..6 {
+        for axis in ["x", "y", "z"] {
+            resources = resources
+                .alias(&format!("{axis}{}", level - 1), &format!("finer_{axis}"))
+                .alias(&format!("{axis}{level}"), &format!("level_{axis}"));
+        }
+        let edge = (GROUP_EDGE >> level).div_ceil(4);
+        run(gpu(), "radiance_cache/reduce.wgsl", "reduce", &resources, [2 * edge, edge, edge]);
+    }
+    run(gpu(), "radiance_cache/create.wgsl", "create", &resources, [caches.len() as u32, 1, 1]);
+    let bytes = resources.read_texture("atlas").expect("reads back");
+    let halves: Vec<f32> = bytes.as_chunks().0.iter().map(|c| f16::from_le_bytes(*c).to_f32()).collect();
+    let atlas: Vec<Vec4> = halves.as_chunks().0.iter().map(|c| Vec4::from_array(*c)).collect();
+    let texel = |index: u32, i: u32| {
+        let (x, y) = (index * CACHE_WIDTH + i % CACHE_EDGE, i / CACHE_EDGE);
+        atlas[(y * CACHES_A_ROW * CACHE_WIDTH + x) as usize]
+    };
+    (0..caches.len() as u32).map(|cache| (0..CACHE_EDGE * CACHE_EDGE).map(|i| texel(cache, i)).collect()).collect()
+}
+
+fn turned(place: Vec3) -> Affine3A {
+    Affine3A::from_rotation_translation(Quat::from_euler(EulerRot::XYZ, 0.5, 0.8, 0.2), place)
+}
+
+#[test]
+fn a_room_that_is_a_group_is_closed_and_lit() {
+    let mut group = TestScene::new(Vec3::splat(ALBEDO));
+    group.room(Vec3::new(-1.7, -1.1, -1.4), Vec3::new(1.7, 1.1, 1.4));
+    let place = turned(Vec3::new(0.3, -0.2, 0.1));
+    let mut random = Random::new(3);
+    // On its walls.
+    let caches: Vec<(Vec3, Vec3)> = (0..18)
+        .map(|i| {
+            let axis = i % 3;
+            let (mut on, mut normal) = (random.vector() * 0.9, Vec3::ZERO);
+            on[axis] = on[axis].signum();
+            normal[axis] = -on[axis];
+            (place.transform_point3(on * Vec3::new(1.7, 1.1, 1.4)), place.transform_vector3(normal))
+        })
+        .collect();
+    let seen = see(&group, place, &caches);
+    let all: Vec<Vec4> = seen.into_iter().flatten().collect();
+    let open = all.iter().filter(|texel| texel.w < 0.95).count();
+    println!("{open} of {} cones are open", all.len());
+    assert!(open * 200 <= all.len(), "{open} of {} cones leave a closed room", all.len());
+    for texel in all.iter().filter(|texel| texel.w >= 0.95) {
+        assert!((texel.truncate() - 1.0).abs().max_element() < 0.02, "{texel}");
+    }
+}
+
+/// Of a box, near and far, whatever the size of its voxels: caches see as much of it as there is.
+#[test]
+fn groups_neither_grow_nor_vanish() {
+    for (half, place) in [
+        (Vec3::new(0.5, 0.4, 0.3), turned(Vec3::ZERO)),
+        (Vec3::new(0.2, 0.2, 0.2), turned(Vec3::new(0.1, 0.2, -0.1))),
+        (Vec3::new(0.5, 0.5, 0.5), turned(Vec3::ZERO) * Affine3A::from_scale(Vec3::new(0.16, 0.3, 0.2))),
+        (Vec3::new(1.2, 0.9, 1.0), turned(Vec3::ZERO)),
+    ] {
+        let mut group = TestScene::new(Vec3::splat(ALBEDO));
+        group.soup(&cuboid(-half, half));
+        let middle = place.transform_point3(Vec3::ZERO);
+        let mut random = Random::new(8);
+        let triangles: Vec<[Vec3; 3]> = group.triangles.iter().map(|t| t.map(|p| place.transform_point3(p))).collect();
+        let size = half.max_element() * place.matrix3.x_axis.length().max(place.matrix3.y_axis.length());
+        for distance in [1.8, 3.0] {
+            let caches: Vec<(Vec3, Vec3)> = (0..24)
+                .map(|_| {
+                    let way = random.direction();
+                    (middle - way * (distance + size), (way + 0.3 * random.vector()).normalize())
+                })
+                .collect();
+            let seen = see(&group, place, &caches);
+            let found: f32 = seen.iter().flatten().map(|texel| texel.w).sum::<f32>() * 2.0 * PI / 256.0;
+            let light: f32 = seen.iter().flatten().map(|texel| texel.x).sum::<f32>() * 2.0 * PI / 256.0;
+            let rays = 4000;
+            let exact: f32 = caches
+                .iter()
+                .map(|&(origin, normal)| {
+                    let met = (0..rays).filter(|_| {
+                        let direction = random.direction();
+                        let direction = direction * direction.dot(normal).signum();
+                        triangles.iter().any(|t| intersect(t, origin, direction).is_some())
+                    });
+                    2.0 * PI * met.count() as f32 / rays as f32
+                })
+                .sum();
+            let ratio = found / exact;
+            println!("half {half} at {distance}: {:.4} sr, {ratio:.3} of what there is", exact / 24.0);
+            assert!((light / found - 1.0).abs() < 0.02, "{light} of light on {found}");
+            assert!((0.8..1.4).contains(&ratio), "half {half} at {distance}: {found} sr, expected {exact}");
+        }
+    }
+}
