@@ -14,8 +14,8 @@
 /// Edge of the largest grid of a group, voxels.
 const GROUP_EDGE: u32 = 32u;
 /// Voxels that each has room for, and cells.
-const GROUP_VOXELS: u32 = 32768u;
-const GROUP_CELLS: u32 = 16384u;
+const GROUP_VOXELS: u32 = GROUP_EDGE * GROUP_EDGE * GROUP_EDGE;
+const GROUP_CELLS: u32 = GROUP_VOXELS / 2u;
 
 struct VoxelGroup {
     voxels_from_world_x: vec4<f32>,

@@ -23,7 +23,7 @@ pub struct Traced {
     parameters: VplParameters,
     grid: Grid,
     vertices: Vec<Vpl>,
-    paths: Vec<Path>,
+    pub paths: Vec<Path>,
     resources: Resources,
 }
 
@@ -92,11 +92,6 @@ impl Traced {
         let list = resources.read_structs::<Vpl>("vpls").expect("reads back");
         self.resources = resources;
         (self, header, list)
-    }
-
-    /// Paths that ended before so many bounces.
-    pub fn lost(&self, bounces: u32) -> usize {
-        self.paths.iter().filter(|path| path.length < bounces).count()
     }
 
     fn path(&self, path: usize) -> &[Vpl] {
@@ -170,7 +165,7 @@ fn no_light_leaves_a_closed_room() {
     scene.soup(&cuboid(Vec3::new(-1.1, 0.0, -0.7), Vec3::new(-0.4, 1.2, 0.1)));
     scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::splat(10.0)));
     let traced = Traced::new(&scene, 0.11, 8);
-    let lost = traced.lost(8);
+    let lost = traced.paths.iter().filter(|path| path.length < 8).count();
     // Where walls meet, a ray may pass between the planes of two voxels.
     assert!(lost * 2000 <= traced.paths.len() * 8, "{lost} of {PATHS} paths left a room of albedo 1 in 8 bounces");
     for vertex in traced.all() {

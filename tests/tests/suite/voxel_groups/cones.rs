@@ -2,11 +2,11 @@
 
 use std::f32::consts::PI;
 
-use bevy::math::{Affine3A, EulerRot, Quat, Vec3, Vec4};
+use bevy::math::{Affine3A, EulerRot, Quat, UVec3, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
     CACHE_EDGE, CACHE_HEIGHT, CACHE_WIDTH, CACHES_A_ROW, CacheCounters, GROUP_EDGE, Grid, LightVolume, RadianceCache,
 };
-use bevy_bounce_tests::gpu::gpu;
+use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::scene::{TestScene, add_groups, cuboid, run, run_with, voxelize};
 use bevy_bounce_tests::twins::random::Random;
 use half::f16;
@@ -18,21 +18,58 @@ use crate::paths::intersect;
 const HALF: TextureFormat = TextureFormat::Rgba16Float;
 const ALBEDO: f32 = 0.5;
 
-/// What caches at those places see of one group in an empty world of 8 by 8 by 8: light and coverage of each direction.
-fn see(group: &TestScene, place: Affine3A, caches: &[(Vec3, Vec3)]) -> Vec<Vec<Vec4>> {
-    let world =
-        Grid { origin: Vec3::splat(-4.0), voxel_size: 0.125, dims: bevy::math::UVec3::splat(64), ..Default::default() };
-    let nothing = TestScene::new(Vec3::ONE);
-    let grid = Grid { cell_capacity: 64, ..world };
-    let resources =
-        add_groups(gpu(), voxelize(gpu(), &nothing, &grid, None), &[(group, group_grid(group))], &[(0, place)]);
+/// Voxels of an empty world of 8 by 8 by 8.
+const WORLD: UVec3 = UVec3::splat(64);
+/// What the coarsest level of the world's light divides.
+const GAP: u32 = 16;
+
+fn world() -> Grid {
+    // Off the places where walls are.
+    let origin = Vec3::new(-4.03, -4.05, -4.02);
+    Grid { origin, voxel_size: 0.125, dims: WORLD, cell_capacity: 100_000, ..Default::default() }
+}
+
+/// Makes the levels of some textures of light from cells that send a radiance of 1, by the names of the textures.
+fn filter(mut resources: Resources, name: &str, size: [u32; 3], levels: u32, defs: &[&str]) -> Resources {
+    for axis in ["x", "y", "z"] {
+        let names: Vec<String> = (0..levels).map(|level| format!("{name}_{axis}{level}")).collect();
+        let names: Vec<&str> = names.iter().map(String::as_str).collect();
+        resources = resources
+            .volume_mips(&format!("{name}_{axis}"), HALF, size, &names)
+            .alias(names[0], &format!("level_{axis}"));
+    }
+    let groups = |size: [u32; 3]| size.map(|texels| texels.div_ceil(4));
+    run_with(gpu(), "radiance_cache/volume.wgsl", "fill", defs, &resources, groups(size));
+    for level in 1..levels {
+        for axis in ["x", "y", "z"] {
+            resources = resources
+                .alias(&format!("{name}_{axis}{}", level - 1), &format!("finer_{axis}"))
+                .alias(&format!("{name}_{axis}{level}"), &format!("level_{axis}"));
+        }
+        let half = size.map(|texels| texels >> level);
+        run(gpu(), "radiance_cache/reduce.wgsl", "reduce", &resources, groups(half));
+    }
+    resources
+}
+
+/// What caches at those places see of one group in the empty world, or of the same meshes voxelised with it: light and coverage of each
+/// direction.
+fn see(group: &TestScene, place: Affine3A, as_group: bool, caches: &[(Vec3, Vec3)]) -> Vec<Vec<Vec4>> {
+    let mut scene = TestScene::new(Vec3::splat(ALBEDO));
+    if !as_group {
+        scene.mesh(&group.triangles, 0, 0, place);
+    }
+    let empty = voxelize(gpu(), &scene, &world(), None);
+    let (grids, placed) = ([(group, group_grid(group))], [(0, place)]);
+    let groups = usize::from(as_group);
+    let resources = add_groups(gpu(), empty, &grids[..groups], &placed[..groups]);
     let cells = resources.read_words("cells").expect("reads back").len() / 4;
-    let volume = LightVolume { dims: world.dims, gap: 1, first_group_cell: 0, ..Default::default() };
+    let volume = LightVolume { dims: WORLD, gap: GAP, last_level: GAP.ilog2(), ..Default::default() };
     let records: Vec<_> = caches
         .iter()
         .map(|&(position, normal)| RadianceCache { position, normal, radius: 1.0, ..Default::default() })
         .collect();
-    let mut resources = resources
+    let resources = resources
         .uniform("volume", &volume)
         // What sends a radiance of 1.
         .floats("irradiance", &vec![PI / ALBEDO; 8 * cells])
@@ -42,25 +79,9 @@ fn see(group: &TestScene, place: Affine3A, caches: &[(Vec3, Vec3)]) -> Vec<Vec<V
         .structs("caches", &records)
         .texture("atlas", HALF, [CACHES_A_ROW * CACHE_WIDTH, CACHE_HEIGHT, 1], false, &[])
         .sampler("light_sampler", wgpu::FilterMode::Linear);
-    for axis in ["x", "y", "z"] {
-        let names: Vec<String> = (0..6).map(|level| format!("{axis}{level}")).collect();
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let cube = [2 * GROUP_EDGE, GROUP_EDGE, GROUP_EDGE];
-        resources = resources
-            .volume_mips(&format!("group_{axis}"), HALF, cube, &names)
-            .alias(&format!("{axis}0"), &format!("level_{axis}"))
-            .texture(&format!("light_{axis}"), HALF, [129, 64, 64], true, &[]);
-    }
-    run_with(gpu(), "radiance_cache/volume.wgsl", "fill", &["GROUPS"], &resources, [GROUP_EDGE / 4; 3]);
-    for level in 1..6 {
-        for axis in ["x", "y", "z"] {
-            resources = resources
-                .alias(&format!("{axis}{}", level - 1), &format!("finer_{axis}"))
-                .alias(&format!("{axis}{level}"), &format!("level_{axis}"));
-        }
-        let edge = (GROUP_EDGE >> level).div_ceil(4);
-        run(gpu(), "radiance_cache/reduce.wgsl", "reduce", &resources, [2 * edge, edge, edge]);
-    }
+    let resources = filter(resources, "light", [2 * WORLD.x + GAP, WORLD.y, WORLD.z], GAP.ilog2() + 1, &[]);
+    let cube = [2 * GROUP_EDGE, GROUP_EDGE, GROUP_EDGE];
+    let resources = filter(resources, "group", cube, GROUP_EDGE.ilog2() + 1, &["GROUPS"]);
     run(gpu(), "radiance_cache/create.wgsl", "create", &resources, [caches.len() as u32, 1, 1]);
     let bytes = resources.read_texture("atlas").expect("reads back");
     let halves: Vec<f32> = bytes.as_chunks().0.iter().map(|c| f16::from_le_bytes(*c).to_f32()).collect();
@@ -92,11 +113,11 @@ fn a_room_that_is_a_group_is_closed_and_lit() {
             (place.transform_point3(on * Vec3::new(1.7, 1.1, 1.4)), place.transform_vector3(normal))
         })
         .collect();
-    let seen = see(&group, place, &caches);
-    let all: Vec<Vec4> = seen.into_iter().flatten().collect();
-    let open = all.iter().filter(|texel| texel.w < 0.95).count();
-    println!("{open} of {} cones are open", all.len());
-    assert!(open * 200 <= all.len(), "{open} of {} cones leave a closed room", all.len());
+    let all: Vec<Vec4> = see(&group, place, true, &caches).into_iter().flatten().collect();
+    let open = |texels: &[Vec4]| texels.iter().filter(|texel| texel.w < 0.95).count();
+    let in_world: Vec<Vec4> = see(&group, place, false, &caches).into_iter().flatten().collect();
+    println!("{} of {} cones are open, {} in the world", open(&all), all.len(), open(&in_world));
+    assert!(open(&all) * 200 <= all.len(), "{} of {} cones leave a closed room", open(&all), all.len());
     for texel in all.iter().filter(|texel| texel.w >= 0.95) {
         assert!((texel.truncate() - 1.0).abs().max_element() < 0.02, "{texel}");
     }
@@ -124,9 +145,12 @@ fn groups_neither_grow_nor_vanish() {
                     (middle - way * (distance + size), (way + 0.3 * random.vector()).normalize())
                 })
                 .collect();
-            let seen = see(&group, place, &caches);
-            let found: f32 = seen.iter().flatten().map(|texel| texel.w).sum::<f32>() * 2.0 * PI / 256.0;
-            let light: f32 = seen.iter().flatten().map(|texel| texel.x).sum::<f32>() * 2.0 * PI / 256.0;
+            let seen = see(&group, place, true, &caches);
+            let sum = |seen: &[Vec<Vec4>], value: fn(&Vec4) -> f32| {
+                seen.iter().flatten().map(value).sum::<f32>() * 2.0 * PI / 256.0
+            };
+            let (found, light) = (sum(&seen, |texel| texel.w), sum(&seen, |texel| texel.x));
+            let in_world = sum(&see(&group, place, false, &caches), |texel| texel.w);
             let rays = 4000;
             let exact: f32 = caches
                 .iter()
@@ -140,7 +164,11 @@ fn groups_neither_grow_nor_vanish() {
                 })
                 .sum();
             let ratio = found / exact;
-            println!("half {half} at {distance}: {:.4} sr, {ratio:.3} of what there is", exact / 24.0);
+            println!(
+                "half {half} at {distance}: {:.4} sr, {ratio:.3} of what there is, {:.3} in the world",
+                exact / 24.0,
+                in_world / exact,
+            );
             assert!((light / found - 1.0).abs() < 0.02, "{light} of light on {found}");
             assert!((0.8..1.4).contains(&ratio), "half {half} at {distance}: {found} sr, expected {exact}");
         }

@@ -236,26 +236,27 @@ fn more_groups_than_there_is_room_for_are_in_the_world() {
     }
 }
 
+/// Groups beside the same meshes in the world: milliseconds of the stages that know of voxels.
 #[test]
-#[ignore = "debugging"]
-fn dump() {
-    let save = |name: &str, picture: Picture| {
-        picture.save(std::path::Path::new(&format!("/tmp/g_{name}.exr"))).expect("saves")
-    };
-    let at = |grid, vpls, visibility| GiSettings { grid, vpls, visibility, bounces: 8, ..SMALL };
-    let rc = Technique::RadianceCache;
-    let fine = at(96, 4096, VplVisibility::Voxel);
-    let with = |settings, blocks, grouped| {
-        stage(rc, settings, |app| {
+#[ignore = "prints a table; takes minutes on a software adapter"]
+fn what_groups_cost() {
+    println!("| technique | groups | `voxelize` | `vpl_trace` | `interleaved` | `voxel_light` | `cache_creation` |");
+    println!("|---|---|---|---|---|---|---|");
+    for (technique, blocks, grouped) in
+        TECHNIQUES.into_iter().flat_map(|t| [0, 8, 32].into_iter().flat_map(move |n| [(t, n, false), (t, n, true)]))
+    {
+        let mut stage = stage(technique, FINE, |app| {
+            app.add_plugins(bevy_bounce_examples::stage_clock::StageClockPlugin);
             app.add_systems(Startup, move |mut build: Builder| hall(&mut build, blocks, grouped));
-        })
-    };
-    save("rw48", with(FINE, 36, false).picture());
-    save("rg48", with(FINE, 36, true).picture());
-    save("rw96", with(fine, 36, false).picture());
-    save("rg96", with(fine, 36, true).picture());
-    save("rc48w", cornell(rc, FINE, false).picture());
-    save("rc48g", cornell(rc, FINE, true).picture());
-    save("rc96w", cornell(rc, fine, false).picture());
-    save("rc96g", cornell(rc, fine, true).picture());
+        });
+        let times = stage.stage_times(5);
+        let millis = |stage: &str| {
+            let mut times = times.get(stage).cloned().unwrap_or_default();
+            times.sort_by(f64::total_cmp);
+            times.get(times.len() / 2).map_or("-".to_owned(), |millis| format!("{millis:.1}"))
+        };
+        let stages = ["voxelize", "vpl_trace", "interleaved", "voxel_light", "cache_creation"].map(millis).join(" | ");
+        let kind = if grouped { format!("{blocks}") } else { format!("none, {blocks} in the world") };
+        println!("| {technique:?} | {kind} | {stages} |");
+    }
 }
