@@ -310,6 +310,10 @@ pub struct VoxelGroup {
     pub inverse_determinant: f32,
     /// Largest component of the radiance that any of its materials emits, cd/m^2.
     pub max_emission: f32,
+    /// Radius of a sphere round its grid, world units.
+    pub radius: f32,
+    /// Middle of that, world position.
+    pub middle: Vec3,
     /// Keeps rows of 16 bytes.
     pub padding: u32,
 }

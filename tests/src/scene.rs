@@ -312,7 +312,12 @@ pub fn add_groups(
         let voxels_from_world = (world_from_group * Affine3A::from_translation(grid.origin) * scale).inverse();
         let rows = voxels_from_world.matrix3.transpose();
         let row = |i: usize| Vec3::from(rows.col(i)).extend(voxels_from_world.translation[i]);
+        let corner = |i: u32| grid.dims.as_vec3() * (UVec3::new(i, i >> 1, i >> 2) & 1).as_vec3();
+        let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| voxels_from_world.inverse().transform_point3(corner(i)));
+        let middle = corners.iter().sum::<Vec3>() / 8.0;
         *slot = VoxelGroup {
+            middle,
+            radius: corners.iter().map(|corner| corner.distance(middle)).fold(0.0, f32::max),
             voxels_from_world_x: row(0),
             voxels_from_world_y: row(1),
             voxels_from_world_z: row(2),

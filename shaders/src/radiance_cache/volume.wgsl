@@ -101,7 +101,7 @@ fn closed(sum: vec4<f32>) -> vec4<f32> {
 fn fill(@builtin(global_invocation_id) id: vec3<u32>) {
 #ifdef GROUPS
     let index = id.z / GROUP_EDGE;
-    if index >= voxel_groups.count {
+    if index >= voxel_groups.count || any(id.xy >= vec2<u32>(GROUP_EDGE)) {
         return;
     }
     let group = voxel_groups.groups[index];

@@ -5,7 +5,7 @@
 // determinant. Normals come to the world by W's transpose, and back by its inverse. So a group may be turned, stretched, sheared
 // and mirrored; which side of a triangle is seen in a mirrored one is settled when it is voxelised.
 //
-// Cost: two cross products and as many products with a matrix a point.
+// Cost: two cross products and as many products with a matrix a point; some ten operations for what a ray does not come near.
 
 #define_import_path bevy_bounce::shared::voxel_groups
 
@@ -26,6 +26,8 @@ struct VoxelGroup {
     first_cell: u32,
     inverse_determinant: f32,
     max_emission: f32,
+    radius: f32,
+    middle: vec3<f32>,
     padding: u32,
 }
 
@@ -40,6 +42,14 @@ struct VoxelGroups {
 /// The grid of a group, in its own voxels.
 fn group_level(group: VoxelGroup) -> GridLevel {
     return GridLevel(vec3<f32>(0.0), 1.0, group.dims, group.first_voxel, 0u, 0u, group.first_cell, 0u);
+}
+
+/// Whether a line comes within `reach` of the group between its start and a distance; world units, `direction` of unit length.
+fn comes_near(group: VoxelGroup, start: vec3<f32>, direction: vec3<f32>, distance: f32, reach: f32) -> bool {
+    let to_middle = group.middle - start;
+    let along = dot(to_middle, direction);
+    let aside = to_middle - direction * along;
+    return along > -reach && along < distance + reach && dot(aside, aside) < reach * reach;
 }
 
 /// A world position in voxels.

@@ -207,7 +207,12 @@ fn place(grid: &Grid, world_from_group: &Affine3A) -> VoxelGroup {
     let voxels_from_world = voxels_from_group * world_from_group.inverse();
     let (matrix, offset) = (voxels_from_world.matrix3, voxels_from_world.translation);
     let row = |i: usize| Vec4::new(matrix.x_axis[i], matrix.y_axis[i], matrix.z_axis[i], offset[i]);
+    let half = 0.5 * grid.voxel_size * grid.dims.as_vec3();
+    let diagonals = [[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]].map(|[y, z]| half * Vec3::new(1.0, y, z));
+    let reach = |diagonal| world_from_group.transform_vector3(diagonal).length();
     VoxelGroup {
+        middle: world_from_group.transform_point3(grid.origin + half),
+        radius: diagonals.map(reach).into_iter().fold(0.0, f32::max),
         voxels_from_world_x: row(0),
         voxels_from_world_y: row(1),
         voxels_from_world_z: row(2),

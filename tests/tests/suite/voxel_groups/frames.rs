@@ -199,7 +199,8 @@ fn a_group_that_goes_leaves_nothing() {
 
 /// The Cornell box with so many small cubes along its back as have room in groups, then its two blocks.
 fn crowded(technique: Technique, grouped: bool, blocks: bool) -> Stage {
-    stage(technique, FINE, move |app| {
+    let settings = GiSettings { grid: 40, vpls: 512, ..SMALL };
+    stage(technique, settings, move |app| {
         app.add_systems(Startup, move |mut build: Builder| {
             CornellBox::spawn_walls(&mut build);
             CornellBox::spawn_lamp_and_camera(&mut build.commands);
