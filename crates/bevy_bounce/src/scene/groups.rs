@@ -33,8 +33,8 @@ use crate::settings::GiWorldSettings;
 /// voxelisation; each is lit by itself. Up to 32 take part at a time, those spawned first; meshes of further ones, skinned and
 /// morphed meshes are voxelised with the world as without it. A group within a group is one of its own.
 ///
-/// Every ray through the voxels looks at each group, so a few large groups are worth more than many small ones. Light probes look for
-/// surfaces in the world's grid alone, and take groups for what blocks and reflects light.
+/// Every ray through the voxels asks whether it comes near each group, so a few large groups are worth more than many small ones.
+/// Groups block and reflect the light of probes, which look for places in the world's grid alone: those that are within a group stay there.
 #[derive(Component, Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 pub struct VoxelizedGroup {
