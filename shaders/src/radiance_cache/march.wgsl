@@ -2,7 +2,7 @@
 // is from. Rehfeld, Zirr and Dachsbacher 2014, 3.1, march each grid by itself and put their hits in order afterwards, as
 // far as they keep them; here all are looked at on the same step, so that their order is that of the steps.
 //
-// Cost: that of a cone through the world; for each group that it comes near, twelve more filtered loads a step.
+// Cost: that of a cone through the world; for each group that it is in, up to twelve more filtered loads a step.
 
 #define_import_path bevy_bounce::radiance_cache::march
 
