@@ -147,6 +147,10 @@ pub struct Scene {
     pub regions: [Region; REGIONS],
     /// How many of them there are: 1 where the scene is small.
     pub region_count: u32,
+    /// Chunks that are voxelised with the world: the first of all. Those of groups with a grid of their own follow.
+    pub world_chunk_count: u32,
+    /// The same of the chunks that emit.
+    pub world_emissive_chunk_count: u32,
 }
 
 /// Boxes round the cameras, at most.
@@ -275,8 +279,58 @@ pub struct GridLevel {
     pub first_brick: u32,
     /// Their blocks of 2^3 voxels.
     pub first_block: u32,
+    /// What a voxel's word counts its cells from.
+    pub first_cell: u32,
     /// Makes it 48 bytes.
-    pub padding: UVec2,
+    pub padding: u32,
+}
+
+/// Groups of meshes that may have a grid of their own at a time, at most; as many grids.
+pub const VOXEL_GROUPS: usize = 32;
+
+/// Edge of the largest grid of a group, voxels. Each has as much room.
+pub const GROUP_EDGE: u32 = 32;
+
+/// A group of meshes with a grid of its own, as it stands in the world.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct VoxelGroup {
+    /// First row of the affine matrix from the world to the voxels of its grid.
+    pub voxels_from_world_x: Vec4,
+    /// Second row.
+    pub voxels_from_world_y: Vec4,
+    /// Third row.
+    pub voxels_from_world_z: Vec4,
+    /// Voxels along each axis.
+    pub dims: UVec3,
+    /// Where its voxels begin in the buffer that holds all.
+    pub first_voxel: u32,
+    /// Where its cells begin.
+    pub first_cell: u32,
+    /// One over the determinant of the matrix: volume of a voxel in the world, negative where the group is mirrored.
+    pub inverse_determinant: f32,
+    /// Largest component of the radiance that any of its materials emits, cd/m^2.
+    pub max_emission: f32,
+    /// Radius of a sphere round its grid, world units.
+    pub radius: f32,
+    /// Middle of that, world position.
+    pub middle: Vec3,
+    /// Keeps rows of 16 bytes.
+    pub padding: u32,
+}
+
+/// All groups.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct VoxelGroups {
+    /// Groups.
+    pub count: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_a: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_b: u32,
+    /// Keeps rows of 16 bytes.
+    pub padding_c: u32,
+    /// In the order of their entities.
+    pub groups: [VoxelGroup; VOXEL_GROUPS],
 }
 
 /// One facing of a voxel: the mean of the surfaces in it that look that way.
@@ -326,8 +380,9 @@ impl Vpl {
 pub const MAX_WORKGROUPS: u32 = 65535;
 
 /// Words known of a brick of the grid: lights times 2^15; the first light filed under it, counted from 1; candidates
-/// whose light falls into it, and of these those whose light meets something from there.
-pub const BRICK_WORDS: u32 = 4;
+/// whose light falls into it, and of these those whose light meets something from there; area of the groups in it, in 1/256
+/// voxel faces.
+pub const BRICK_WORDS: u32 = 5;
 /// Places of which a path from a directional light starts at one.
 pub const CANDIDATES: u32 = 8;
 /// Words a virtual light has for what its path met: distance and normal; the next light of its brick, counted from 1.
@@ -672,10 +727,10 @@ pub struct LightVolume {
     pub last_level: u32,
     /// 1 where virtual lights add further bounces.
     pub further: u32,
+    /// Cells of the world, and what is left free behind them: where the light of groups begins, group by group.
+    pub first_group_cell: u32,
     /// Keeps rows of 16 bytes.
-    pub padding_a: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding_b: u32,
+    pub padding: u32,
 }
 
 /// How the pixels of a view are put together into clusters.

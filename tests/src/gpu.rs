@@ -322,13 +322,29 @@ impl Resources {
     }
 
     /// Adds a 2D texture of zeros, and each of its mip levels under a name of its own.
-    pub fn mips(mut self, name: &str, format: wgpu::TextureFormat, size: [u32; 2], levels: &[&str]) -> Self {
+    pub fn mips(self, name: &str, format: wgpu::TextureFormat, size: [u32; 2], levels: &[&str]) -> Self {
+        self.mips_of(name, format, [size[0], size[1], 1], wgpu::TextureDimension::D2, levels)
+    }
+
+    /// The same of a 3D texture.
+    pub fn volume_mips(self, name: &str, format: wgpu::TextureFormat, size: [u32; 3], levels: &[&str]) -> Self {
+        self.mips_of(name, format, size, wgpu::TextureDimension::D3, levels)
+    }
+
+    fn mips_of(
+        mut self,
+        name: &str,
+        format: wgpu::TextureFormat,
+        size: [u32; 3],
+        dimension: wgpu::TextureDimension,
+        levels: &[&str],
+    ) -> Self {
         let texture = self.gpu.device.create_texture(&wgpu::TextureDescriptor {
             label: Some(name),
-            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: 1 },
+            size: wgpu::Extent3d { width: size[0], height: size[1], depth_or_array_layers: size[2] },
             mip_level_count: levels.len() as u32,
             sample_count: 1,
-            dimension: wgpu::TextureDimension::D2,
+            dimension,
             format,
             usage: wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::STORAGE_BINDING,
             view_formats: &[],
@@ -358,6 +374,10 @@ impl Resources {
         let sampler = self.gpu.device.create_sampler(&wgpu::SamplerDescriptor {
             mag_filter: filter,
             min_filter: filter,
+            mipmap_filter: match filter {
+                wgpu::FilterMode::Linear => wgpu::MipmapFilterMode::Linear,
+                wgpu::FilterMode::Nearest => wgpu::MipmapFilterMode::Nearest,
+            },
             ..Default::default()
         });
         self.by_name.insert(name.to_owned(), Resource::Sampler(sampler));

@@ -39,6 +39,8 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         Scene,
         Grid,
         GridLevel,
+        VoxelGroup,
+        VoxelGroups,
         Region,
         Cell,
         Vpl,

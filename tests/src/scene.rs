@@ -3,7 +3,7 @@
 use bevy::math::{Affine3A, UVec3, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
     BRICK_WORDS, CHUNK_TRIANGLES, Cell, Chunk, Emitter, FURTHER_LEVELS, Grid, GridLevel, Instance, Light,
-    MEETING_WORDS, Material, NONE, OccluderChunk, REGIONS, Region, Scene, VERTEX_WORDS,
+    MEETING_WORDS, Material, NONE, OccluderChunk, REGIONS, Region, Scene, VERTEX_WORDS, VoxelGroup, VoxelGroups,
 };
 use half::f16;
 
@@ -156,6 +156,8 @@ impl TestScene {
             region_count: self.regions.len() as u32 + 1,
             chunk_count: chunks.len() as u32,
             emissive_chunk_count: emissive.len() as u32,
+            world_chunk_count: chunks.len() as u32,
+            world_emissive_chunk_count: emissive.len() as u32,
             max_emission: self.materials.iter().map(|material| material.emissive.max_element()).fold(0.0, f32::max),
             ..Default::default()
         };
@@ -258,6 +260,7 @@ pub fn voxelize(gpu: &Gpu, scene: &TestScene, grid: &Grid, queue_entries: Option
     let mut resources = scene
         .resources(gpu)
         .uniform("grid", grid)
+        .uniform("voxel_groups", &VoxelGroups::default())
         .zeroed("voxels", voxels)
         .zeroed("blocks", blocks)
         .zeroed("counters", 4)
@@ -284,6 +287,52 @@ pub fn voxelize(gpu: &Gpu, scene: &TestScene, grid: &Grid, queue_entries: Option
     measure_distances(gpu, grid, &resources);
     resources
 }
+
+/// Groups with grids of their own, behind the voxels of a world: grids, each of a scene in the group's space, and which of them stand
+/// where, world from group.
+pub fn add_groups(
+    gpu: &Gpu,
+    world: Resources,
+    grids: &[(&TestScene, Grid)],
+    placed: &[(usize, Affine3A)],
+) -> Resources {
+    let read = |resources: &Resources, name| resources.read_words(name).unwrap_or_else(|error| panic!("{error}"));
+    let (mut voxels, mut cells) = (read(&world, "voxels"), read(&world, "cells"));
+    let mut firsts = Vec::new();
+    for (scene, grid) in grids {
+        let resources = voxelize(gpu, scene, grid, None);
+        firsts.push((voxels.len() as u32, cells.len() as u32 / CELL_WORDS));
+        voxels.extend(read(&resources, "voxels"));
+        cells.extend(read(&resources, "cells"));
+    }
+    let mut groups = VoxelGroups { count: placed.len() as u32, ..Default::default() };
+    for (slot, &(index, world_from_group)) in groups.groups.iter_mut().zip(placed) {
+        let grid = &grids[index].1;
+        let scale = Affine3A::from_scale(Vec3::splat(grid.voxel_size));
+        let voxels_from_world = (world_from_group * Affine3A::from_translation(grid.origin) * scale).inverse();
+        let rows = voxels_from_world.matrix3.transpose();
+        let row = |i: usize| Vec3::from(rows.col(i)).extend(voxels_from_world.translation[i]);
+        let corner = |i: u32| grid.dims.as_vec3() * (UVec3::new(i, i >> 1, i >> 2) & 1).as_vec3();
+        let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|i| voxels_from_world.inverse().transform_point3(corner(i)));
+        let middle = corners.iter().sum::<Vec3>() / 8.0;
+        *slot = VoxelGroup {
+            middle,
+            radius: corners.iter().map(|corner| corner.distance(middle)).fold(0.0, f32::max),
+            voxels_from_world_x: row(0),
+            voxels_from_world_y: row(1),
+            voxels_from_world_z: row(2),
+            dims: grid.dims,
+            first_voxel: firsts[index].0,
+            first_cell: firsts[index].1,
+            inverse_determinant: 1.0 / voxels_from_world.matrix3.determinant(),
+            ..Default::default()
+        };
+    }
+    world.words("voxels", &voxels).words("cells", &cells).uniform("voxel_groups", &groups)
+}
+
+/// Words of a cell.
+const CELL_WORDS: u32 = 4;
 
 /// Runs the kernels that take triangles, and bricks of large ones, in so many workgroups.
 pub fn run_over_triangles(gpu: &Gpu, defs: &[&str], resources: &Resources, chunks: u32) {

@@ -1,13 +1,14 @@
 //! Shaders, compute kernels and their dispatch: the boilerplate that every pass would repeat.
 
 use std::borrow::Cow;
+use std::num::NonZero;
 
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy::render::render_resource::{
     BindGroup, BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, BindingResource, Buffer,
-    CachedComputePipelineId, CachedPipelineState, CommandEncoder, ComputePass, ComputePassDescriptor,
+    BufferBinding, CachedComputePipelineId, CachedPipelineState, CommandEncoder, ComputePass, ComputePassDescriptor,
     ComputePipelineDescriptor, PipelineCache, ShaderStages,
 };
 use bevy::render::renderer::RenderDevice;
@@ -165,6 +166,11 @@ pub(crate) fn bind_group(
 /// The whole buffer as a binding.
 pub(crate) fn whole(buffer: &Buffer) -> BindingResource<'_> {
     buffer.as_entire_binding()
+}
+
+/// So many bytes of it from there, as (start, length).
+pub(crate) fn part(buffer: &Buffer, (offset, size): (u64, u64)) -> BindingResource<'_> {
+    BindingResource::Buffer(BufferBinding { buffer, offset, size: NonZero::new(size) })
 }
 
 /// Workgroups for `count` of them, folded into a second axis where one is too long: the shader's index is

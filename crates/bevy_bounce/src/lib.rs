@@ -49,7 +49,7 @@ pub use memory::gpu_memory;
 pub use plugins::{GiSystems, GlobalIlluminationPlugins};
 pub use probes::{GiForwardPlugin, ProbeVolume, ProbeVolumePlugin};
 pub use radiance_cache::{RadianceCachePlugin, RadianceCacheSettings};
-pub use scene::{GiLight, GiScenePlugin, VoxelizedMesh};
+pub use scene::{GiLight, GiScenePlugin, VoxelizedGroup, VoxelizedMesh};
 pub use settings::{GiSettings, GlobalIllumination, Quality, Resolution, Technique, VplVisibility};
 pub use shadow_atlas::ShadowAtlasPlugin;
 pub use ssbc::{SsbcPlugin, SsbcSettings};
@@ -59,6 +59,6 @@ pub use vpl::{VplPlugin, vpl_count};
 pub mod prelude {
     pub use crate::{
         CssmObject, GiLight, GlobalIllumination, GlobalIlluminationPlugins, Quality, Resolution, Technique,
-        VoxelizedMesh, VplVisibility,
+        VoxelizedGroup, VoxelizedMesh, VplVisibility,
     };
 }

@@ -373,9 +373,9 @@ fn enqueue_bricks(t: Triangle, instance: u32, triangle: u32, low: vec3<i32>, hig
 fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let index = folded_index(group);
 #ifdef EMISSION
-    let count = scene.emissive_chunk_count;
+    let count = scene.world_emissive_chunk_count;
 #else
-    let count = scene.chunk_count;
+    let count = scene.world_chunk_count;
 #endif
     if index >= count * (grid.further_count + 1u) {
         return;

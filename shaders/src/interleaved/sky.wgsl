@@ -10,8 +10,8 @@
 #import bevy_bounce::vpl::types::luminance
 
 // Beside the grid.
-@group(1) @binding(3) var<uniform> scene: Scene;
-@group(1) @binding(4) var<storage, read> lights: array<Light>;
+@group(1) @binding(4) var<uniform> scene: Scene;
+@group(1) @binding(5) var<storage, read> lights: array<Light>;
 
 /// Longer than any way through the grid, voxels.
 const FAR: f32 = 1e6;

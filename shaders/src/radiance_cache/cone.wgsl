@@ -18,6 +18,8 @@
 // of what is near; and what looks down on the surface that it leaves counts only from one and a half texels above
 // it, for a thin wall's other side reaches that far. For the same reason a cone goes on for half a texel beyond the grid.
 //
+// Groups with a grid of their own are in `group_cones.wgsl`: what a cone meets of them on a step adds to what it meets of the world there.
+//
 // Cost: six filtered loads a step, some forty steps across a grid of 64^3.
 
 #define_import_path bevy_bounce::radiance_cache::cone
@@ -32,15 +34,6 @@
 @group(1) @binding(4) var light_z: texture_3d<f32>;
 @group(1) @binding(5) var light_sampler: sampler;
 
-/// Voxels.
-const FIRST_DIAMETER: f32 = 0.75;
-/// Where the first sample is taken, voxels along the cone.
-const FIRST_SAMPLE: f32 = -0.75;
-/// More than any cone takes, whatever rounding does.
-const MAX_STEPS: u32 = 256u;
-/// Part of a cone below which what is open is the error of the steps.
-const CLOSED: f32 = 0.06;
-
 /// Texels of the coarser level over a surface to which its own other side reaches: half a texel from the surface to the middle of its texel, and one
 /// from there.
 const OWN_REACH: f32 = 1.5;
@@ -54,25 +47,44 @@ struct Start {
     normal: vec3<f32>,
 }
 
-// How much of what faces against each axis of the direction is not the surface's own other side, at that height over it in
-// texels. A surface along the grid goes on as far as the cone follows it, one aslant ends or bends.
-fn not_own(start: Start, direction: vec3<f32>, height: f32, distance: f32) -> vec3<f32> {
-    let looks_down = clamp(2.0 * start.normal * sign(direction), vec3<f32>(0.0), vec3<f32>(1.0));
-    let goes_on = smoothstep(vec3<f32>(0.8), vec3<f32>(0.95), abs(start.normal));
-    let own = looks_down * max(goes_on, vec3<f32>(clamp(2.0 - distance / OWN_LENGTH, 0.0, 1.0)));
-    return 1.0 - own * (1.0 - clamp(4.0 * (height - OWN_REACH), 0.0, 1.0));
+/// A step of a cone in a grid, all in its voxels.
+struct Step {
+    start: Start,
+    // Unit length.
+    direction: vec3<f32>,
+    place: vec3<f32>,
+    // Along the cone.
+    distance: f32,
+    length: f32,
+    // Logarithm of the width of the texels that are as wide as the step.
+    level: f32,
 }
 
-// Light and coverage of what faces that way along an axis; of what faces the other way, its coverage.
+/// Light and coverage of what faces that way along an axis; of what faces the other way, its coverage.
 struct Sides {
     toward: vec4<f32>,
     away: f32,
 }
 
-fn sample_axis(light: texture_3d<f32>, place: vec3<f32>, size: vec3<f32>, against: bool, level: f32) -> Sides {
-    let other = vec3<f32>(f32(volume.dims.x + volume.gap), 0.0, 0.0);
-    let up = textureSampleLevel(light, light_sampler, place / size, level);
-    let down = textureSampleLevel(light, light_sampler, (place + other) / size, level);
+// How much of what faces against each axis of the direction is not the surface's own other side. A surface along the grid
+// goes on as far as the cone follows it, one aslant ends or bends.
+fn not_own(at: Step) -> vec3<f32> {
+    let height = dot(at.start.normal, at.place - at.start.position) / exp2(ceil(at.level));
+    let looks_down = clamp(2.0 * at.start.normal * sign(at.direction), vec3<f32>(0.0), vec3<f32>(1.0));
+    let goes_on = smoothstep(vec3<f32>(0.8), vec3<f32>(0.95), abs(at.start.normal));
+    let own = looks_down * max(goes_on, vec3<f32>(clamp(2.0 - at.distance / OWN_LENGTH, 0.0, 1.0)));
+    return 1.0 - own * (1.0 - clamp(4.0 * (height - OWN_REACH), 0.0, 1.0));
+}
+
+/// Width of the filter between two levels, texels of the finest.
+fn texel_width(level: f32) -> f32 {
+    return exp2(floor(level)) * (1.0 + fract(level));
+}
+
+/// What is at a place of a texture, and `other` further on, where what faces down its axis is; as parts of the texture.
+fn sample_axis(light: texture_3d<f32>, place: vec3<f32>, other: vec3<f32>, against: bool, level: f32) -> Sides {
+    let up = textureSampleLevel(light, light_sampler, place, level);
+    let down = textureSampleLevel(light, light_sampler, place + other, level);
     // A surface that faces up an axis is seen by what goes down it.
     if against {
         return Sides(down, up.a);
@@ -80,61 +92,27 @@ fn sample_axis(light: texture_3d<f32>, place: vec3<f32>, size: vec3<f32>, agains
     return Sides(up, down.a);
 }
 
-// What a cone meets on a step at a place: light times coverage, coverage.
-fn sample_volume(place: vec3<f32>, start: Start, direction: vec3<f32>, distance: f32, level: f32, step: f32) -> vec4<f32> {
-    let size = vec3<f32>(f32(2u * volume.dims.x + volume.gap), vec2<f32>(volume.dims.yz));
-    // Outside, the outermost texels go on.
-    let margin = 0.5 * exp2(ceil(level));
-    let within = clamp(place, vec3<f32>(margin), vec3<f32>(volume.dims) - margin);
-    let x = sample_axis(light_x, within, size, direction.x > 0.0, level);
-    let y = sample_axis(light_y, within, size, direction.y > 0.0, level);
-    let z = sample_axis(light_z, within, size, direction.z > 0.0, level);
-    // Width of the filter between two levels.
-    let texel = exp2(floor(level)) * (1.0 + fract(level));
-    let height = dot(start.normal, place - start.position) / exp2(ceil(level));
-    let along = abs(direction) * (step / texel);
-    let toward = along * not_own(start, direction, height, distance);
+/// What a cone meets on a step where that is along each axis: light times coverage, coverage.
+fn meet(at: Step, x: Sides, y: Sides, z: Sides) -> vec4<f32> {
+    let along = abs(at.direction) * (at.length / texel_width(at.level));
+    let toward = along * not_own(at);
     let met = x.toward * toward.x + y.toward * toward.y + z.toward * toward.z;
     // Of a surface aslant near the start only what is left where one axis sees its back; of a wall with two sides, all.
     let lone = vec3<f32>(max(x.away - x.toward.a, 0.0), max(y.away - y.toward.a, 0.0), max(z.away - z.toward.a, 0.0));
-    let near = clamp(2.0 - distance / OWN_LENGTH, 0.0, 1.0);
+    let near = clamp(2.0 - at.distance / OWN_LENGTH, 0.0, 1.0);
     let coverage = max(met.a - dot(lone, along) * near, 0.0);
     return met * (coverage / max(met.a, 1e-6));
 }
 
-/// Light along a cone, and how much of it ended on a surface. `lift`: voxels by which it begins above the surface; `spread`:
-/// diameter over distance.
-fn march_cone(start: Start, lift: f32, direction: vec3<f32>, spread: f32) -> vec4<f32> {
-    let end = vec3<f32>(grid.dims);
-    let origin = start.position + start.normal * lift;
-    let growth = 1.0 + 0.5 * spread;
-    let level_step = log2(growth);
-    var diameter = FIRST_DIAMETER;
-    var level = log2(diameter) - 1.0;
-    var distance = FIRST_SAMPLE;
-    var light = vec3<f32>(0.0);
-    var open = 1.0;
-    for (var i = 0u; i < MAX_STEPS && open > CLOSED; i++) {
-        let place = origin + direction * distance;
-        // The outermost surfaces reach half a texel beyond the grid.
-        let outside = max(-place, place - end);
-        if distance > 0.0 && max(outside.x, max(outside.y, outside.z)) > 0.5 * max(diameter, 1.0) {
-            break;
-        }
-        let step = 0.5 * diameter;
-        let met = sample_volume(place, start, direction, distance, clamp(level, 0.0, f32(volume.last_level)), step);
-        let taken = min(met.a, open);
-        light += met.rgb * (taken / max(met.a, 1e-6));
-        open -= taken;
-        distance += step;
-        if distance > 0.0 {
-            diameter *= growth;
-            level += level_step;
-        }
-    }
-    if open <= CLOSED {
-        light /= 1.0 - open;
-        open = 0.0;
-    }
-    return vec4<f32>(light, 1.0 - open);
+/// What a cone meets of the world on a step.
+fn sample_world(at: Step) -> vec4<f32> {
+    let size = vec3<f32>(f32(2u * volume.dims.x + volume.gap), vec2<f32>(volume.dims.yz));
+    let other = vec3<f32>(f32(volume.dims.x + volume.gap) / size.x, 0.0, 0.0);
+    // Outside, the outermost texels go on.
+    let margin = 0.5 * exp2(ceil(at.level));
+    let place = clamp(at.place, vec3<f32>(margin), vec3<f32>(volume.dims) - margin) / size;
+    let x = sample_axis(light_x, place, other, at.direction.x > 0.0, at.level);
+    let y = sample_axis(light_y, place, other, at.direction.y > 0.0, at.level);
+    let z = sample_axis(light_z, place, other, at.direction.z > 0.0, at.level);
+    return meet(at, x, y, z);
 }

@@ -5,16 +5,19 @@
 // Which sixteenth follows from the voxel's place, such that any 4x4 voxels of a plane have all sixteen: `volume.wgsl` takes
 // their mean.
 //
+// Groups with a grid of their own are lit where they stand, each by itself, also where several share a grid.
+//
 // Cost: one thread a cell; a ray through the grid for each light that it faces (four for a rect light), and for a sixteenth of the
 // sky's directions and of the virtual lights.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::grid::{cell_plane, cell_area}
+#import bevy_bounce::shared::grid::{Cell, cell_plane, cell_area}
 #import bevy_bounce::shared::octahedral::decode_unit
-#import bevy_bounce::shared::rays::{grid, cells, trace, to_grid, to_world, Ray}
+#import bevy_bounce::shared::rays::{grid, cells, voxel_groups, trace, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT}
+#import bevy_bounce::shared::voxel_groups::{from_group, normal_from_group, GROUP_CELLS}
 #import bevy_bounce::radiance_cache::types::LightVolume
 #import bevy_bounce::vpl::bound::geometry_bound
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS}
@@ -37,6 +40,33 @@ struct Receiver {
     // World.
     position: vec3<f32>,
     normal: vec3<f32>,
+    // In its grid.
+    voxel: vec3<u32>,
+    has_area: bool,
+}
+
+fn voxel_of(place: u32, dims: vec3<u32>) -> vec3<u32> {
+    return vec3<u32>(place % dims.x, (place / dims.x) % dims.y, place / (dims.x * dims.y));
+}
+
+// Middle of the surface of a cell, in voxels.
+fn middle_of(cell: Cell, voxel: vec3<u32>) -> vec3<f32> {
+    return vec3<f32>(voxel) + 0.5 + decode_unit(cell.normal) * cell_plane(cell);
+}
+
+fn receiver_in_world(index: u32, place: u32) -> Receiver {
+    let cell = cells[index];
+    let voxel = voxel_of(place, grid.dims);
+    return Receiver(to_world(middle_of(cell, voxel)), decode_unit(cell.normal), voxel, cell_area(cell) > 0.0);
+}
+
+// `index` among the cells of all groups.
+fn receiver_in_group(index: u32, place: u32) -> Receiver {
+    let group = voxel_groups.groups[index / GROUP_CELLS];
+    let cell = cells[group.first_cell + index % GROUP_CELLS];
+    let voxel = voxel_of(place, group.dims);
+    let normal = normal_from_group(group, decode_unit(cell.normal));
+    return Receiver(from_group(group, middle_of(cell, voxel)), normal, voxel, cell_area(cell) > 0.0);
 }
 
 fn is_seen(receiver: Receiver, direction: vec3<f32>, distance: f32, end_normal: vec3<f32>) -> bool {
@@ -124,19 +154,21 @@ fn light_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     if index >= arrayLength(&places) || places[index] == 0u {
         return;
     }
-    let cell = cells[index];
     let place = places[index] & ~PLACE_VALID;
-    let voxel = vec3<u32>(place % grid.dims.x, (place / grid.dims.x) % grid.dims.y, place / (grid.dims.x * grid.dims.y));
     var receiver: Receiver;
-    receiver.normal = decode_unit(cell.normal);
-    receiver.position = to_world(vec3<f32>(voxel) + 0.5 + receiver.normal * cell_plane(cell));
+    if index < volume.first_group_cell {
+        receiver = receiver_in_world(index, place);
+    } else {
+        receiver = receiver_in_group(index - volume.first_group_cell, place);
+    }
     var direct = vec3<f32>(0.0);
     var further = vec3<f32>(0.0);
-    if cell_area(cell) > 0.0 {
+    if receiver.has_area {
         for (var i = 0u; i < scene.light_count; i++) {
             direct += from_light(receiver, lights[i]);
         }
         if volume.further != 0u {
+            let voxel = receiver.voxel;
             let subset = ((voxel.x + voxel.z) & 3u) + 4u * ((voxel.y + voxel.z) & 3u);
             further = from_virtual_lights(receiver, subset) + from_sky(receiver, subset, SUBSETS);
         } else {

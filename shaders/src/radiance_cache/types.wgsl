@@ -15,8 +15,8 @@ struct LightVolume {
     gap: u32,
     last_level: u32,
     further: u32,
-    padding_a: u32,
-    padding_b: u32,
+    first_group_cell: u32,
+    padding: u32,
 }
 
 struct CacheGrid {

@@ -25,7 +25,8 @@ struct GridLevel {
     first_voxel: u32,
     first_brick: u32,
     first_block: u32,
-    padding: vec2<u32>,
+    first_cell: u32,
+    padding: u32,
 }
 
 struct Cell {
@@ -64,7 +65,7 @@ const COUNTER_FINEST: u32 = 3u;
 fn grid_level(grid: Grid, level: u32) -> GridLevel {
     switch level {
         case 0u: {
-            return GridLevel(grid.origin, grid.voxel_size, grid.dims, 0u, 0u, 0u, vec2<u32>(0u));
+            return GridLevel(grid.origin, grid.voxel_size, grid.dims, 0u, 0u, 0u, 0u, 0u);
         }
         case 1u: {
             return grid.further[0];

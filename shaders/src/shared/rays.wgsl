@@ -5,10 +5,12 @@
 // their voxels begin, and a surface never blocks a ray that leaves it. As in Bevy's shadow maps, a one-sided surface lets
 // pass what comes from behind.
 //
+// Groups of meshes with a grid of their own are met in it, whatever way they are turned, and the nearest hit of all grids counts.
+//
 // All lengths are in voxels of the finest grid; what is left out near a ray's ends is in voxels of the grid that the ray is in.
 //
 // Cost: one word a step. The distance stored in empty voxels lets a step cross all that is known to be empty; in an occupied
-// voxel each facing costs four words more.
+// voxel each facing costs four words more; each group some ten operations, fifty more and steps of its own where the ray comes near.
 
 #define_import_path bevy_bounce::shared::rays
 
@@ -17,10 +19,14 @@
     bounds_high, CELL_MASK, LEAP_BLOCK,
 }
 #import bevy_bounce::shared::octahedral::decode_unit
+#import bevy_bounce::shared::voxel_groups::{
+    VoxelGroup, VoxelGroups, group_level, comes_near, to_group, way_to_group, normal_to_group, normal_from_group,
+}
 
 @group(1) @binding(0) var<uniform> grid: Grid;
 @group(1) @binding(1) var<storage, read> voxels: array<u32>;
 @group(1) @binding(2) var<storage, read> cells: array<Cell>;
+@group(1) @binding(3) var<uniform> voxel_groups: VoxelGroups;
 
 /// Voxels. A ray that enters a voxel behind the plane by less than this has met it all the same: the planes of neighbouring
 /// voxels need not meet on a curved surface.
@@ -57,6 +63,10 @@ struct Hit {
     // Voxels along the ray.
     t: f32,
     cell: u32,
+    // Of the surface, world.
+    normal: vec3<f32>,
+    // The group that it belongs to, counted from 1; 0 for what is voxelised with the world.
+    group: u32,
     // Voxels and empty cubes that the ray went through.
     steps: u32,
 }
@@ -80,10 +90,10 @@ fn is_own_surface(ray: Ray, t: f32, normal: vec3<f32>, height: f32, slope: f32) 
 }
 
 // The nearest plane met in an occupied voxel between `enter` and `leave`.
-fn hit_voxel(ray: Ray, word: u32, voxel: vec3<f32>, enter: f32, leave: f32) -> Hit {
-    var nearest = Hit(false, leave, 0u, 0u);
+fn hit_voxel(ray: Ray, word: u32, first_cell: u32, voxel: vec3<f32>, enter: f32, leave: f32) -> Hit {
+    var nearest = Hit(false, leave, 0u, vec3<f32>(0.0), 0u, 0u);
     let from_center = ray.origin - voxel - 0.5;
-    let first = word & CELL_MASK;
+    let first = first_cell + (word & CELL_MASK);
     let count = countOneBits(voxel_facings(word));
     for (var i = 0u; i < count; i++) {
         let cell = cells[first + i];
@@ -100,7 +110,7 @@ fn hit_voxel(ray: Ray, word: u32, voxel: vec3<f32>, enter: f32, leave: f32) -> H
         let p = from_center + ray.direction * t + 0.5;
         let within = all(p >= bounds_low(cell.bounds) - BOUNDS_SLACK) && all(p <= bounds_high(cell.bounds) + BOUNDS_SLACK);
         if within && t <= nearest.t && !is_own_surface(ray, t, normal, height, slope) {
-            nearest = Hit(true, t, first + i, 0u);
+            nearest = Hit(true, t, first + i, normal, 0u, 0u);
         }
     }
     return nearest;
@@ -145,21 +155,25 @@ fn walk(ray: Ray, safe: vec3<f32>, inverse: vec3<f32>, level: GridLevel, from_t:
         let exits = (boundary - ray.origin) * inverse;
         let leave = max(min(exits.x, min(exits.y, exits.z)), t + NUDGE);
         if voxel_facings(word) != 0u {
-            let hit = hit_voxel(ray, word, voxel, t, leave);
+            let hit = hit_voxel(ray, word, level.first_cell, voxel, t, leave);
             if hit.found && hit.t < end {
-                return Hit(true, hit.t, hit.cell, step + 1u);
+                return Hit(true, hit.t, hit.cell, hit.normal, 0u, step + 1u);
             }
         }
         t = leave;
     }
-    return Hit(false, ray.length, 0u, step);
+    return Hit(false, ray.length, 0u, vec3<f32>(0.0), 0u, step);
 }
 
-/// The first surface that faces the ray, other than those it stands on. Of nested grids each is entered where the next
-/// coarser one is left for it, and left for that again: the way in and the way out of so many boxes within each other.
-fn trace(ray: Ray) -> Hit {
+fn without_zeros(direction: vec3<f32>) -> vec3<f32> {
     let tiny = vec3<f32>(1e-6);
-    let safe = select(ray.direction, select(-tiny, tiny, ray.direction >= vec3<f32>(0.0)), abs(ray.direction) < tiny);
+    return select(direction, select(-tiny, tiny, direction >= vec3<f32>(0.0)), abs(direction) < tiny);
+}
+
+// The first surface of the world's own grids. Of nested grids each is entered where the next
+/// coarser one is left for it, and left for that again: the way in and the way out of so many boxes within each other.
+fn trace_world(ray: Ray) -> Hit {
+    let safe = without_zeros(ray.direction);
     let inverse = 1.0 / safe;
     let coarsest = i32(grid.further_count);
     var done = 0.0;
@@ -184,9 +198,49 @@ fn trace(ray: Ray) -> Hit {
         let hit = walk(own, safe, inverse, level, max(done, span.x) * ratio, end * ratio);
         steps += hit.steps;
         if hit.found {
-            return Hit(true, hit.t / ratio, hit.cell, steps);
+            return Hit(true, hit.t / ratio, hit.cell, hit.normal, 0u, steps);
         }
         done = max(done, end);
     }
-    return Hit(false, ray.length, 0u, steps);
+    return Hit(false, ray.length, 0u, vec3<f32>(0.0), 0u, steps);
+}
+
+// The first surface of a group up to a place on the ray.
+fn trace_group(ray: Ray, index: u32, end: f32) -> Hit {
+    let group = voxel_groups.groups[index];
+    let start = to_world(ray.origin);
+    if !comes_near(group, start, ray.direction, end * grid.voxel_size, group.radius) {
+        return Hit(false, ray.length, 0u, vec3<f32>(0.0), 0u, 0u);
+    }
+    let along = way_to_group(group, ray.direction) * grid.voxel_size;
+    let ratio = length(along);
+    var own = ray;
+    own.origin = to_group(group, start);
+    own.direction = along / ratio;
+    own.length = ray.length * ratio;
+    let safe = without_zeros(own.direction);
+    let inverse = 1.0 / safe;
+    let span = clip_to_grid(own, inverse, group.dims);
+    let own_end = min(span.y, end * ratio);
+    if !(span.x < own_end) {
+        return Hit(false, ray.length, 0u, vec3<f32>(0.0), 0u, 0u);
+    }
+    own.start_normal = normal_to_group(group, ray.start_normal);
+    own.end_normal = normal_to_group(group, ray.end_normal);
+    let hit = walk(own, safe, inverse, group_level(group), span.x, own_end);
+    return Hit(hit.found, hit.t / ratio, hit.cell, normal_from_group(group, hit.normal), index + 1u, hit.steps);
+}
+
+/// The first surface that faces the ray, other than those it stands on.
+fn trace(ray: Ray) -> Hit {
+    var nearest = trace_world(ray);
+    for (var i = 0u; i < voxel_groups.count; i++) {
+        let hit = trace_group(ray, i, nearest.t);
+        let steps = nearest.steps + hit.steps;
+        if hit.found {
+            nearest = hit;
+        }
+        nearest.steps = steps;
+    }
+    return nearest;
 }

@@ -80,6 +80,8 @@ struct Scene {
     sky_count: u32,
     regions: array<Region, 4>,
     region_count: u32,
+    world_chunk_count: u32,
+    world_emissive_chunk_count: u32,
 }
 
 struct Region {

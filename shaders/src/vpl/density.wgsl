@@ -1,6 +1,6 @@
 // How densely virtual lights lie on the surfaces of each brick of the grid: what the bound of the geometry term follows.
 //
-// Of nested grids, a light counts in each that holds it.
+// Of nested grids, a light counts in each that holds it. Groups with a grid of their own count where they stand.
 //
 // Cost: a workgroup a brick, one word a voxel and one a cell.
 
@@ -9,7 +9,7 @@
 }
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::rays::{grid, voxels, cells}
-#import bevy_bounce::vpl::types::{VplParameters, BRICK_WORDS, BRICK_LIGHTS, LIGHT_SHIFT}
+#import bevy_bounce::vpl::types::{VplParameters, BRICK_WORDS, BRICK_LIGHTS, BRICK_AREA, LIGHT_SHIFT}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 // What is known of each brick of the grid, `BRICK_WORDS` each.
@@ -53,6 +53,7 @@ fn measure_density(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
     }
     if lane == 0u && index < arrayLength(&densities) {
         let lights = f32(bricks[index * BRICK_WORDS + BRICK_LIGHTS]) / f32(1u << LIGHT_SHIFT);
-        densities[index] = vec2<f32>(lights * parameters.bound_scale, areas[0] * level.voxel_size * level.voxel_size);
+        let all = areas[0] + f32(bricks[index * BRICK_WORDS + BRICK_AREA]) / 256.0;
+        densities[index] = vec2<f32>(lights * parameters.bound_scale, all * level.voxel_size * level.voxel_size);
     }
 }

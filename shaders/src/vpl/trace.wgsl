@@ -12,7 +12,6 @@
 
 #import bevy_bounce::shared::grid::{grid_level, level_at, brick_at}
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_area, rect_point}
-#import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, cells, trace, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::{
     sample_square, waiting_time, cosine_direction, cone_direction, triangle_point, PI,
@@ -183,7 +182,7 @@ fn follow(path: u32, start: Photon) -> u32 {
             let way = photon.position - photon.center;
             photon.flux *= range_window(photon.range, dot(way, way));
         }
-        photon.normal = decode_unit(cell.normal);
+        photon.normal = hit.normal;
         // Where the last one's light goes is not looked at.
         let onward = select(0u, MET, bounce == bounces);
         let level = grid_level(grid, level_at(grid, photon.position));

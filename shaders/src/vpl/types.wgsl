@@ -39,12 +39,14 @@ const MET: u32 = 0x80000000u;
 const CANDIDATES: u32 = 8u;
 
 /// What is known of a brick, in words: lights, in fixed point; the first of the lights that are filed under it, counted
-/// from 1; candidates whose light falls into it; those of them whose light goes on to meet something.
-const BRICK_WORDS: u32 = 4u;
+/// from 1; candidates whose light falls into it; those of them whose light goes on to meet something; area of the groups in it, in
+/// 1/256 voxel faces.
+const BRICK_WORDS: u32 = 5u;
 const BRICK_LIGHTS: u32 = 0u;
 const BRICK_FIRST: u32 = 1u;
 const BRICK_TRIED: u32 = 2u;
 const BRICK_ONWARD: u32 = 3u;
+const BRICK_AREA: u32 = 4u;
 
 /// Words a light has for what its path met.
 const MEETING_WORDS: u32 = 2u;

@@ -10,7 +10,7 @@ use bevy::camera::Exposure;
 use bevy::reflect::{TypeInfo, Typed};
 use bevy_bounce::{
     CssmFilter, CssmSettings, GiIsolate, GiLight, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings,
-    Resolution, SsbcSettings, Technique, VoxelizedMesh, VplVisibility,
+    Resolution, SsbcSettings, Technique, VoxelizedGroup, VoxelizedMesh, VplVisibility,
 };
 
 const ADDING: &str = "docs/adding-to-a-game.md";
@@ -165,6 +165,7 @@ fn members() -> BTreeMap<&'static str, BTreeSet<&'static str>> {
         RadianceCacheSettings::type_info(),
         GlobalIllumination::type_info(),
         GiLight::type_info(),
+        VoxelizedGroup::type_info(),
         VoxelizedMesh::type_info(),
         GiIsolate::type_info(),
         Quality::type_info(),

@@ -23,4 +23,5 @@ mod shadow_atlas;
 mod sky;
 mod sort;
 mod ssbc;
+mod voxel_groups;
 mod voxels;

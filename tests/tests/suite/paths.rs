@@ -12,7 +12,7 @@ use bevy_bounce_shaders::types::{
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
-use bevy_bounce_tests::scene::{TestScene, count_of, cuboid, run, voxelize};
+use bevy_bounce_tests::scene::{TestScene, add_groups, count_of, cuboid, run, voxelize};
 use bevy_bounce_tests::twins::random::Random;
 
 use crate::sort::radix_sort;
@@ -23,7 +23,7 @@ pub struct Traced {
     parameters: VplParameters,
     grid: Grid,
     vertices: Vec<Vpl>,
-    paths: Vec<Path>,
+    pub paths: Vec<Path>,
     resources: Resources,
 }
 
@@ -33,10 +33,21 @@ impl Traced {
     }
 
     pub fn through(scene: &TestScene, grid: Grid, max_bounces: u32) -> Self {
+        Self::with_groups(scene, grid, max_bounces, &[], &[])
+    }
+
+    /// With groups that have grids of their own: see [`add_groups`].
+    pub fn with_groups(
+        scene: &TestScene,
+        grid: Grid,
+        max_bounces: u32,
+        grids: &[(&TestScene, Grid)],
+        placed: &[(usize, Affine3A)],
+    ) -> Self {
         let parameters = VplParameters { capacity: 1000, path_count: PATHS, max_bounces, bound_scale: 1.0 };
         let slots = PATHS as usize * (max_bounces as usize + 1);
         let bricks = count_of(&grid, 8);
-        let resources = voxelize(gpu(), scene, &grid, None)
+        let resources = add_groups(gpu(), voxelize(gpu(), scene, &grid, None), grids, placed)
             .uniform("parameters", &parameters)
             .structs("vertices", &vec![Vpl::default(); slots])
             .structs("paths", &vec![Path::default(); PATHS as usize])

@@ -5,8 +5,9 @@ use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, Shad
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::{Cell, FURTHER_LEVELS, Grid, GridLevel};
 
+use super::groups::GroupGrids;
 use crate::compute::MAX_WORKGROUPS;
-use crate::scene::{Bounds, SceneBuffers};
+use crate::scene::{Bounds, Groups, SceneBuffers};
 use crate::settings::GiWorldSettings;
 
 /// Words of a cell's sums. See `SUM_WORDS` in `shared/grid.wgsl`.
@@ -27,23 +28,14 @@ const SIZE_STEPS: f32 = 16.0;
 /// Where a lattice lies within its steps, so that the round numbers walls stand at are not on it.
 pub(crate) const PHASE: Vec3 = Vec3::new(0.37, 0.31, 0.43);
 
-/// The voxel grids on the GPU, one within the other, each buffer for all of them.
-#[derive(Resource)]
-pub(crate) struct VoxelGrid {
-    /// Where they lie.
-    pub grid: Grid,
-    /// The same as a uniform.
-    pub uniform: UniformBuffer<Grid>,
-    /// One word a voxel. See `shared/grid.wgsl`.
-    pub voxels: Buffer,
+/// What voxelising needs besides voxels and cells.
+pub(crate) struct Workspace {
     /// Marked facings of each block, then of those before it.
     pub blocks: Buffer,
     /// Cells in use, cells there was no room for, area.
     pub counters: Buffer,
     /// Fixed-point sums of the cells.
     pub sums: Buffer,
-    /// What the sums come to.
-    pub cells: Buffer,
     /// Which blocks of 2^3 voxels have a surface.
     pub occupied: Buffer,
     /// Chebyshev distance along x, one word a block.
@@ -54,35 +46,81 @@ pub(crate) struct VoxelGrid {
     pub queue: Buffer,
     /// Workgroups that take them.
     pub brick_workgroups: Buffer,
+}
+
+impl Workspace {
+    /// For so many voxels and cells.
+    pub fn new(device: &RenderDevice, voxels: u64, cells: u64, levels: usize) -> Self {
+        // Blocks round up on every axis: of a grid one voxel thin there are as many as half the voxels.
+        let leaps = voxels / 2 + levels as u64;
+        Self {
+            blocks: storage(device, "bounce_voxel_blocks", voxels.div_ceil(u64::from(BLOCK_VOXELS)) * 4),
+            counters: storage(device, "bounce_voxel_counters", 16),
+            sums: storage(device, "bounce_voxel_sums", cells * SUM_WORDS * 4),
+            occupied: storage(device, "bounce_voxel_occupied", leaps * 4),
+            along_x: storage(device, "bounce_voxel_distance_x", leaps * 4),
+            along_y: storage(device, "bounce_voxel_distance_y", leaps * 4),
+            queue: storage(device, "bounce_voxel_queue", 4 + QUEUE_ENTRIES * 12),
+            brick_workgroups: device.create_buffer(&BufferDescriptor {
+                label: Some("bounce_brick_workgroups"),
+                size: 12,
+                usage: BufferUsages::STORAGE | BufferUsages::INDIRECT,
+                mapped_at_creation: false,
+            }),
+        }
+    }
+
+    fn bytes(&self) -> [(&'static str, u64); 4] {
+        [
+            ("grid: voxels", self.blocks.size() + self.counters.size()),
+            ("grid: sums", self.sums.size()),
+            ("grid: distances", self.occupied.size() + self.along_x.size() + self.along_y.size()),
+            ("grid: queue", self.queue.size() + self.brick_workgroups.size()),
+        ]
+    }
+}
+
+fn storage(device: &RenderDevice, label: &'static str, size: u64) -> Buffer {
+    device.create_buffer(&BufferDescriptor {
+        label: Some(label),
+        size,
+        usage: BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    })
+}
+
+/// The voxel grids on the GPU, one within the other, each buffer for all of them.
+#[derive(Resource)]
+pub(crate) struct VoxelGrid {
+    /// Where they lie.
+    pub grid: Grid,
+    /// The same as a uniform.
+    pub uniform: UniformBuffer<Grid>,
+    /// One word a voxel. See `shared/grid.wgsl`.
+    pub voxels: Buffer,
+    /// What the sums come to.
+    pub cells: Buffer,
+    /// What they are made with.
+    pub work: Workspace,
+    /// Grids of groups, behind the world's in the voxels and the cells.
+    pub groups: GroupGrids,
     edge: u32,
     levels: usize,
 }
 
 impl VoxelGrid {
-    fn new(device: &RenderDevice, edge: u32, levels: usize) -> Self {
+    fn new(device: &RenderDevice, edge: u32, levels: usize, groups: usize) -> Self {
         let voxels = u64::from(edge).pow(3) * levels as u64;
         let limit = device.limits().max_storage_buffer_binding_size;
         let cells = (voxels / 2).min(MAX_CELLS).min(limit / (SUM_WORDS * 4));
-        // Blocks round up on every axis: of a grid one voxel thin there are as many as half the voxels.
-        let leaps = voxels / 2 + levels as u64;
-        let with_usage = |label, size: u64, usage| {
-            let usage = usage | BufferUsages::STORAGE;
-            device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false })
-        };
-        let buffer = |label, size| with_usage(label, size, BufferUsages::COPY_DST | BufferUsages::COPY_SRC);
+        let groups = GroupGrids::new(groups, voxels, cells);
         Self {
             grid: Grid { cell_capacity: cells as u32, ..default() },
             uniform: UniformBuffer::default(),
-            voxels: buffer("bounce_voxels", voxels * 4),
-            blocks: buffer("bounce_voxel_blocks", voxels.div_ceil(u64::from(BLOCK_VOXELS)) * 4),
-            counters: buffer("bounce_voxel_counters", 16),
-            sums: buffer("bounce_voxel_sums", cells * SUM_WORDS * 4),
-            cells: buffer("bounce_voxel_cells", cells * u64::from(Cell::min_size())),
-            occupied: buffer("bounce_voxel_occupied", leaps * 4),
-            along_x: buffer("bounce_voxel_distance_x", leaps * 4),
-            along_y: buffer("bounce_voxel_distance_y", leaps * 4),
-            queue: buffer("bounce_voxel_queue", 4 + QUEUE_ENTRIES * 12),
-            brick_workgroups: with_usage("bounce_brick_workgroups", 12, BufferUsages::INDIRECT),
+            voxels: storage(device, "bounce_voxels", groups.voxel_count() * 4),
+            cells: storage(device, "bounce_voxel_cells", groups.cell_count() * u64::from(Cell::min_size())),
+            work: Workspace::new(device, voxels, cells, levels),
+            groups,
             edge,
             levels,
         }
@@ -110,20 +148,22 @@ impl VoxelGrid {
         self.end().first_brick
     }
 
-    /// Blocks of the prefix sum.
-    pub fn block_count(&self) -> u32 {
-        (self.edge.pow(3) * self.level_count()).div_ceil(BLOCK_VOXELS)
+    /// Where the world's voxels are, bytes.
+    pub fn world_voxels(&self) -> (u64, u64) {
+        (0, u64::from(self.edge).pow(3) * self.levels as u64 * 4)
+    }
+
+    /// Where its cells are, bytes.
+    pub fn world_cells(&self) -> (u64, u64) {
+        (0, u64::from(self.grid.cell_capacity) * u64::from(Cell::min_size()))
     }
 
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> Vec<(&'static str, u64)> {
-        vec![
-            ("grid: voxels", self.voxels.size() + self.blocks.size() + self.counters.size()),
-            ("grid: cells", self.cells.size()),
-            ("grid: sums", self.sums.size()),
-            ("grid: distances", self.occupied.size() + self.along_x.size() + self.along_y.size()),
-            ("grid: queue", self.queue.size() + self.brick_workgroups.size()),
-        ]
+        let mut bytes = vec![("grid: voxels", self.voxels.size()), ("grid: cells", self.cells.size())];
+        bytes.extend(self.work.bytes());
+        bytes.extend(self.groups.work.iter().flat_map(Workspace::bytes));
+        bytes
     }
 }
 
@@ -134,6 +174,7 @@ pub(crate) fn prepare_grid(
     queue: Res<RenderQueue>,
     settings: Res<GiWorldSettings>,
     scene: Option<Res<SceneBuffers>>,
+    groups: Option<Res<Groups>>,
     grid: Option<ResMut<VoxelGrid>>,
 ) {
     let Some(settings) = settings.0 else {
@@ -142,7 +183,7 @@ pub(crate) fn prepare_grid(
         }
         return;
     };
-    let Some(scene) = scene else { return };
+    let (Some(scene), Some(groups)) = (scene, groups) else { return };
     let regions = scene.regions();
     let place = |grid: &mut VoxelGrid| {
         let placed = nest(regions, settings.grid);
@@ -152,12 +193,18 @@ pub(crate) fn prepare_grid(
             grid.uniform.set(placed);
             grid.uniform.write_buffer(&device, &queue);
         }
+        grid.groups.update(&groups, &device, &queue);
     };
     let levels = regions.len().max(1);
+    let needed = groups.placed.iter().map(|group| group.grid + 1).max().unwrap_or(0);
     match grid {
-        Some(mut grid) if (grid.edge, grid.levels) == (settings.grid, levels) => place(&mut grid),
+        Some(mut grid) if (grid.edge, grid.levels) == (settings.grid, levels) && needed <= grid.groups.capacity => {
+            place(&mut grid);
+        }
         _ => {
-            let mut grid = VoxelGrid::new(&device, settings.grid, levels);
+            // Room grows by doubling, so that it seldom does.
+            let capacity = if needed == 0 { 0 } else { needed.next_power_of_two() };
+            let mut grid = VoxelGrid::new(&device, settings.grid, levels, capacity);
             place(&mut grid);
             commands.insert_resource(grid);
         }
@@ -191,7 +238,7 @@ fn after(level: &GridLevel) -> GridLevel {
 }
 
 /// Largest edge of some bounds, above 0.
-fn extent_of(min: Vec3, max: Vec3) -> f32 {
+pub(super) fn extent_of(min: Vec3, max: Vec3) -> f32 {
     (max - min).max_element().max(1e-4 * max.abs().max(min.abs()).max_element()).max(1e-6)
 }
 

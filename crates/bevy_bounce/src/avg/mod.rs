@@ -19,6 +19,9 @@
 //! move by whole bricks of 8^3 voxels. They share all buffers, which are so many times as large; the finest comes first. See `GridLevel`
 //! in `types.rs`.
 //!
+//! Behind the world's are the grids of [`VoxelizedGroup`](crate::VoxelizedGroup)s, each with room for 32^3 voxels (384 KiB): voxelised once, by
+//! the same kernels, in the group's own space. A ray goes through each group that stands in its way, in voxels of the group.
+//!
 //! # Where it differs from the paper
 //!
 //! The paper rasterises slices and blends floats; here a compute kernel tests triangles against voxels exactly and adds
@@ -26,6 +29,7 @@
 //! see `shared/rays.wgsl`.
 
 mod grid;
+mod groups;
 mod passes;
 mod pipelines;
 mod triangles;
@@ -39,9 +43,11 @@ use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 use crate::recovery::forget_resource;
 
-pub(crate) use grid::{PHASE, VoxelGrid, prepare_grid};
+pub(crate) use grid::{PHASE, VoxelGrid, Workspace, prepare_grid};
+pub(crate) use groups::{GROUP_CELLS, has_room_for_groups};
+pub use groups::{GroupCounts, group_counts};
 pub(crate) use pipelines::{bind_grid, bind_sky, grid_layout, sky_layout};
-pub(crate) use triangles::{TriangleGroups, TriangleRun};
+pub(crate) use triangles::TriangleRun;
 
 /// Builds the voxel grid; see the [module](self).
 pub struct AvgPlugin;

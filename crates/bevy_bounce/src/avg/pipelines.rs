@@ -4,7 +4,9 @@ use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
 };
-use bevy::render::render_resource::{BindGroup, BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, PipelineCache};
+use bevy::render::render_resource::{
+    BindGroup, BindGroupLayoutDescriptor, BindGroupLayoutEntryBuilder, BindingResource, PipelineCache,
+};
 use bevy::render::renderer::RenderDevice;
 
 use super::grid::VoxelGrid;
@@ -27,7 +29,7 @@ pub(super) struct AvgPipelines {
     pub distance_z: Kernel,
 }
 
-/// Group 1 of every kernel that sends rays: grid, voxels, cells. See `shared/rays.wgsl`.
+/// Group 1 of every kernel that sends rays: grid, voxels, cells, groups. See `shared/rays.wgsl`.
 pub(crate) fn grid_layout() -> BindGroupLayoutDescriptor {
     group_layout(
         "bounce_grid",
@@ -35,6 +37,7 @@ pub(crate) fn grid_layout() -> BindGroupLayoutDescriptor {
             uniform_buffer_sized(false, None),
             storage_buffer_read_only_sized(false, None),
             storage_buffer_read_only_sized(false, None),
+            uniform_buffer_sized(false, None),
         ],
     )
 }
@@ -64,6 +67,17 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     });
 }
 
+impl AvgPipelines {
+    /// Whether all are compiled.
+    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
+        let kernels = [&self.count_blocks, &self.scan_blocks, &self.assign_cells, &self.resolve];
+        let distances = [&self.find_occupied, &self.distance_x, &self.distance_y, &self.distance_z];
+        kernels.into_iter().chain(distances).all(|kernel| kernel.is_ready(cache))
+            && self.mark.is_ready(cache)
+            && self.add.is_ready(cache)
+    }
+}
+
 fn kernel(
     cache: &PipelineCache,
     shaders: &GiShaders,
@@ -77,7 +91,7 @@ fn kernel(
 /// The same with the scene and its lights, of kernels that look at the sky. See `interleaved/sky.wgsl`.
 pub(crate) fn sky_layout() -> BindGroupLayoutDescriptor {
     let (uniform, read) = (uniform_buffer_sized(false, None), storage_buffer_read_only_sized(false, None));
-    group_layout("bounce_grid_and_sky", &[uniform, read, read, uniform, read])
+    group_layout("bounce_grid_and_sky", &[uniform, read, read, uniform, uniform, read])
 }
 
 /// The grid and the sky as group 1.
@@ -87,13 +101,16 @@ pub(crate) fn bind_sky(
     device: &RenderDevice,
     cache: &PipelineCache,
 ) -> Option<BindGroup> {
-    let resources =
-        [grid.uniform.binding()?, whole(&grid.voxels), whole(&grid.cells), scene.uniform()?, whole(&scene.lights)];
+    let [grid, voxels, cells, groups] = rays(grid)?;
+    let resources = [grid, voxels, cells, groups, scene.uniform()?, whole(&scene.lights)];
     Some(bind_group(device, cache, &sky_layout(), &resources))
 }
 
 /// The grid as group 1 of a kernel that sends rays.
 pub(crate) fn bind_grid(grid: &VoxelGrid, device: &RenderDevice, cache: &PipelineCache) -> Option<BindGroup> {
-    let resources = [grid.uniform.binding()?, whole(&grid.voxels), whole(&grid.cells)];
-    Some(bind_group(device, cache, &grid_layout(), &resources))
+    Some(bind_group(device, cache, &grid_layout(), &rays(grid)?))
+}
+
+fn rays(grid: &VoxelGrid) -> Option<[BindingResource<'_>; 4]> {
+    Some([grid.uniform.binding()?, whole(&grid.voxels), whole(&grid.cells), grid.groups.uniform.binding()?])
 }

@@ -8,7 +8,7 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderDefVal;
 
-use super::grid::VoxelGrid;
+use super::grid::Workspace;
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, whole};
 
 /// The kernels of a run.
@@ -55,15 +55,20 @@ impl TriangleRun {
         }
     }
 
-    /// Binds what the voxeliser is given, and the grid's queue.
+    /// Whether all are compiled.
+    pub fn is_ready(&self, cache: &PipelineCache) -> bool {
+        [&self.triangles, &self.size_bricks, &self.bricks].into_iter().all(|kernel| kernel.is_ready(cache))
+    }
+
+    /// Binds what the voxeliser is given, and the queue.
     pub fn bind(
         &self,
         device: &RenderDevice,
         cache: &PipelineCache,
-        grid: &VoxelGrid,
+        work: &Workspace,
         resources: &[BindingResource],
     ) -> TriangleGroups {
-        let queue = [whole(&grid.queue), whole(&grid.brick_workgroups)];
+        let queue = [whole(&work.queue), whole(&work.brick_workgroups)];
         TriangleGroups {
             triangles: self.triangles.bind(device, cache, resources),
             queue: self.size_bricks.bind(device, cache, &queue),
@@ -75,13 +80,13 @@ impl TriangleRun {
         &self,
         encoder: &mut CommandEncoder,
         cache: &PipelineCache,
-        grid: &VoxelGrid,
+        work: &Workspace,
         groups: &TriangleGroups,
         chunks: UVec3,
     ) {
-        encoder.clear_buffer(&grid.queue, 0, Some(4));
+        encoder.clear_buffer(&work.queue, 0, Some(4));
         self.triangles.dispatch(encoder, cache, &[&groups.triangles], chunks);
         self.size_bricks.dispatch(encoder, cache, &[&groups.queue], UVec3::ONE);
-        self.bricks.dispatch_indirect(encoder, cache, &[&groups.triangles], &grid.brick_workgroups);
+        self.bricks.dispatch_indirect(encoder, cache, &[&groups.triangles], &work.brick_workgroups);
     }
 }

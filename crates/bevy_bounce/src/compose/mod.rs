@@ -65,7 +65,7 @@ pub enum GiIsolate {
     /// Light that they send, as radiance caches see it. Lights the voxels, whatever the technique.
     VoxelLight,
     /// The levels that cones of radiance caches march through, light and coverage: bands side by side, the finest on the left, each of
-    /// the next with texels twice as wide. Lights the voxels, whatever the technique.
+    /// the next with texels twice as wide. Those of the world, without [`VoxelizedGroup`](crate::VoxelizedGroup)s. Lights the voxels, whatever the technique.
     VoxelLevels,
     /// Shadow maps of the virtual lights, tile by tile in the order of their list: white is near, blue is empty.
     ShadowAtlas,

@@ -64,7 +64,9 @@ fn kernel(isolate: GiIsolate, glossy: bool, cache: &PipelineCache, shaders: &GiS
         GiIsolate::TreeLevels => baked("debug/tree.wgsl", "show_tree", &[]),
         GiIsolate::BakedAtlas => baked("debug/baked_atlas.wgsl", "show_baked_atlas", &[]),
         GiIsolate::VoxelNormal => voxels(&[uniform, picture], &["VOXEL_NORMAL"]),
-        GiIsolate::VoxelLight => voxels(&[uniform, picture, uniform, read, light, light, light], &["VOXEL_LIGHT"]),
+        GiIsolate::VoxelLight => {
+            voxels(&[uniform, picture, uniform, read, light, light, light, light, light, light], &["VOXEL_LIGHT"])
+        }
         GiIsolate::VoxelLevels => {
             let bindings = [uniform, picture, uniform, read, light, light, light, uniform];
             alone("debug/levels.wgsl", "show_levels", &bindings)
@@ -161,11 +163,12 @@ impl Shown<'_> {
             GiIsolate::VoxelLight | GiIsolate::VoxelLevels => {
                 let light = self.light?;
                 bindings.extend([light.parameters.binding()?, whole(&light.unit)]);
-                bindings.extend(light.light.iter().map(texture));
+                bindings.extend(light.world.light.iter().map(texture));
                 if isolate == GiIsolate::VoxelLevels {
                     bindings.push(self.grid?.uniform.binding()?);
                     return Some((vec![kernel.bind(device, cache, &bindings)], tiles));
                 }
+                bindings.extend(light.group_light().iter().map(texture));
             }
             _ => {}
         }

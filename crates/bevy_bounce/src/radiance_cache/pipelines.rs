@@ -20,9 +20,11 @@ use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layo
 pub(super) struct LightPipelines {
     pub emit: TriangleRun,
     pub list_places: Kernel,
+    pub list_group_places: Kernel,
     pub measure_unit: Kernel,
     pub light_cells: Kernel,
     pub fill: Kernel,
+    pub fill_groups: Kernel,
     pub reduce: Kernel,
 }
 
@@ -58,11 +60,12 @@ impl CachePipelines {
     }
 }
 
-/// Group 1 of what marches cones: grid, volume, levels by axis, sampler. See `radiance_cache/cone.wgsl`.
+/// Group 1 of what marches cones: grid, volume, levels by axis, sampler; groups, their levels by axis. See `radiance_cache/march.wgsl`.
 fn volume_layout() -> BindGroupLayoutDescriptor {
     let uniform = uniform_buffer_sized(false, None);
     let light = texture_3d(TextureSampleType::Float { filterable: true });
-    group_layout("bounce_volume", &[uniform, uniform, light, light, light, sampler(SamplerBindingType::Filtering)])
+    let filtering = sampler(SamplerBindingType::Filtering);
+    group_layout("bounce_volume", &[uniform, uniform, light, light, light, filtering, uniform, light, light, light])
 }
 
 /// The light of the voxels as group 1.
@@ -73,9 +76,20 @@ pub(super) fn bind_volume(
     device: &RenderDevice,
     cache: &PipelineCache,
 ) -> Option<BindGroup> {
-    let [x, y, z] = light.light.each_ref().map(|view| BindingResource::TextureView(view));
-    let resources =
-        [grid.uniform.binding()?, light.parameters.binding()?, x, y, z, BindingResource::Sampler(&p.sampler)];
+    let [x, y, z] = light.world.light.each_ref().map(|view| BindingResource::TextureView(view));
+    let [group_x, group_y, group_z] = light.group_light().each_ref().map(|view| BindingResource::TextureView(view));
+    let resources = [
+        grid.uniform.binding()?,
+        light.parameters.binding()?,
+        x,
+        y,
+        z,
+        BindingResource::Sampler(&p.sampler),
+        grid.groups.uniform.binding()?,
+        group_x,
+        group_y,
+        group_z,
+    ];
     Some(bind_group(device, cache, &volume_layout(), &resources))
 }
 
@@ -90,20 +104,22 @@ pub(super) fn init_light_pipelines(mut commands: Commands, cache: Res<PipelineCa
     };
     // Geometry, instances, materials, thumbnails; grid, scene; chunks, queue; voxels, sums.
     let emission = [read, read, read, read, uniform, uniform, read, write, read, write];
-    // Grid, scene; voxels, emitters; places, unit; lights.
-    let places = [uniform, uniform, read, read, write, write, read];
+    // Grid, scene; voxels, emitters; places, unit; lights; volume, groups.
+    let places = [uniform, uniform, read, read, write, write, read, uniform, uniform];
     // Scene; lights, header, list, places; grid, densities; irradiance, volume.
     let light = [uniform, read, read, read, read, uniform, read, write, uniform];
-    // Volume, grid, scene; voxels, cells, irradiance, emission, unit; levels.
-    let fill = [uniform, uniform, uniform, read, read, read, read, read, level, level, level];
+    // Volume, grid, scene; voxels, cells, irradiance, emission, unit; levels; groups.
+    let fill = [uniform, uniform, uniform, read, read, read, read, read, level, level, level, uniform];
     // Volume; finer levels; levels.
     let reduce = [uniform, finer, finer, finer, level, level, level];
     commands.insert_resource(LightPipelines {
         emit: TriangleRun::new(&cache, &shaders, &emission, &["ACCUMULATE".into(), "EMISSION".into()]),
         list_places: kernel("radiance_cache/places.wgsl", "list_places", &places, &[], vec![]),
+        list_group_places: kernel("radiance_cache/places.wgsl", "list_group_places", &places, &[], vec![]),
         measure_unit: kernel("radiance_cache/places.wgsl", "measure_unit", &places, &[], vec![]),
         light_cells: kernel("radiance_cache/light.wgsl", "light_cells", &light, &[grid_layout()], vec![]),
         fill: kernel("radiance_cache/volume.wgsl", "fill", &fill, &[], vec![]),
+        fill_groups: kernel("radiance_cache/volume.wgsl", "fill", &fill, &[], vec!["GROUPS".into()]),
         reduce: kernel("radiance_cache/reduce.wgsl", "reduce", &reduce, &[], vec![]),
     });
 }

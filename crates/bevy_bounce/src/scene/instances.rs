@@ -39,10 +39,16 @@ struct Record {
 pub(crate) struct Instances {
     /// By slot.
     pub(super) table: GpuTable<Instance>,
-    /// Of all instances, in the order of their slots.
+    /// Of all instances, in the order of their slots; those of groups with a grid of their own last.
     pub(super) chunks: GpuTable<Chunk>,
     /// Of those whose material emits.
     pub(super) emissive_chunks: GpuTable<Chunk>,
+    /// How many of both are voxelised with the world.
+    pub(super) world_chunks: [u32; 2],
+    /// Slots of those in groups with a grid of their own.
+    grouped: BTreeSet<u32>,
+    chunks_are_stale: bool,
+    meshes_changed: HashSet<AssetId<Mesh>>,
     generation: u32,
     slots: SlotAllocator,
     by_entity: HashMap<Entity, u32>,
@@ -60,6 +66,10 @@ impl Default for Instances {
             table: GpuTable::new("bounce_instances"),
             chunks: GpuTable::new("bounce_chunks"),
             emissive_chunks: GpuTable::new("bounce_emissive_chunks"),
+            world_chunks: [0; 2],
+            grouped: BTreeSet::new(),
+            chunks_are_stale: false,
+            meshes_changed: HashSet::default(),
             generation: 0,
             slots: SlotAllocator::default(),
             by_entity: HashMap::default(),
@@ -187,25 +197,53 @@ impl Instances {
         }
     }
 
+    /// What a group's grid needs to know of an entity that is rigid and takes part: slot, mesh, instance, and whether it emits.
+    pub(super) fn rigid(&self, entity: Entity) -> Option<(u32, AssetId<Mesh>, &Instance, bool)> {
+        let slot = *self.by_entity.get(&entity)?;
+        let instance = self.table.values().get(slot as usize)?;
+        let record = self.records.get(slot as usize)?.as_ref()?;
+        let is_rigid = instance.triangle_count > 0 && instance.deformed_offset == NONE;
+        is_rigid.then_some((slot, record.source.mesh, instance, record.emits))
+    }
+
+    /// Meshes that are others than in the last frame.
+    pub(super) fn meshes_changed_now(&self) -> &HashSet<AssetId<Mesh>> {
+        &self.meshes_changed
+    }
+
+    /// Says which instances are in groups with a grid of their own, and puts the chunks in order.
+    pub(super) fn set_grouped(&mut self, grouped: BTreeSet<u32>) {
+        if self.grouped != grouped {
+            self.grouped = grouped;
+            self.chunks_are_stale = true;
+        }
+        if std::mem::take(&mut self.chunks_are_stale) {
+            self.rebuild_chunks();
+        }
+    }
+
     fn rebuild_chunks(&mut self) {
-        let with_emission = |emissive_only: bool| {
+        let (table, records, grouped) = (self.table.values(), &self.records, &self.grouped);
+        let chunks = |emissive_only: bool, in_group: bool| {
             (0u32..)
-                .zip(self.table.values())
-                .zip(&self.records)
+                .zip(table)
+                .zip(records)
                 .filter(move |(_, record)| !emissive_only || record.as_ref().is_some_and(|record| record.emits))
+                .filter(move |((slot, _), _)| grouped.contains(slot) == in_group)
                 .flat_map(|((slot, instance), _)| chunks_of(slot, instance.triangle_count))
         };
-        self.chunks.replace(with_emission(false));
-        self.emissive_chunks.replace(with_emission(true));
+        self.world_chunks = [false, true].map(|emissive_only| chunks(emissive_only, false).count() as u32);
+        self.chunks.replace(chunks(false, false).chain(chunks(false, true)));
+        self.emissive_chunks.replace(chunks(true, false).chain(chunks(true, true)));
     }
 }
 
-fn chunks_of(instance: u32, triangle_count: u32) -> impl Iterator<Item = Chunk> {
+pub(super) fn chunks_of(instance: u32, triangle_count: u32) -> impl Iterator<Item = Chunk> {
     (0..triangle_count).step_by(CHUNK_TRIANGLES as usize).map(move |first_triangle| Chunk { instance, first_triangle })
 }
 
 /// Whether a transform keeps what it moves in three dimensions, with numbers a GPU can take.
-fn is_sound(transform: &Affine3A) -> bool {
+pub(super) fn is_sound(transform: &Affine3A) -> bool {
     let determinant = transform.matrix3.determinant();
     transform.is_finite() && determinant.is_finite() && determinant != 0.0
 }
@@ -237,6 +275,7 @@ pub(super) fn update_instances(
     if !meshes.is_empty() {
         instances.meshes_changed(&meshes, &mut geometry);
     }
+    instances.meshes_changed = meshes;
     if !materials.is_empty() {
         instances.mark_where(|source| materials.contains(&source.material));
     }
@@ -281,7 +320,7 @@ pub(super) fn resolve_instances(mut instances: ResMut<Instances>, meshes: Res<Me
         }
     }
     if chunks_changed {
-        instances.rebuild_chunks();
+        instances.chunks_are_stale = true;
         instances.generation += 1;
     }
     instances.bounds =

@@ -9,6 +9,7 @@
 //! | `materials` | `StandardMaterial`s | table of [`Material`](bevy_bounce_shaders::types::Material)s |
 //! | `thumbnails` | images | 16x16 means |
 //! | `instances` | all of the above | instances, chunks, bounds |
+//! | `groups` | rigid groups of instances | which voxel grids of their own they have, where these stand |
 //! | `deform` | skins and morph weights | poses, room for deformed vertices |
 //! | `lights` | Bevy's lights, bounds | lights and their powers |
 //! | `sky` | the cube map that lights a camera | directional lights that stand for it, on the GPU |
@@ -22,6 +23,7 @@ mod bounds;
 mod deform;
 mod deviation;
 mod extract;
+mod groups;
 mod instances;
 mod lights;
 mod lods;
@@ -48,6 +50,7 @@ use bevy::render::{ExtractSchedule, Render, RenderApp, RenderStartup, RenderSyst
 use self::deform::{DeformJobs, ExtractedPoses, extract_poses, update_deformed};
 use self::extract::{ExtractedInstances, ExtractedMaterials, SceneCameras};
 use self::extract::{extract_cameras, extract_instances, extract_materials};
+use self::groups::{ExtractedGroups, extract_groups, update_groups};
 use self::instances::{resolve_instances, update_instances};
 use self::lights::{ExtractedLights, Lights, extract_lights, update_lights};
 use self::materials::{Materials, resolve_materials, update_materials};
@@ -64,6 +67,8 @@ use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
 
 pub(crate) use self::bounds::Bounds;
+pub use self::groups::VoxelizedGroup;
+pub(crate) use self::groups::{GroupGrid, Groups};
 pub(crate) use self::instances::Instances;
 pub(crate) use self::prepare::SceneBuffers;
 pub(crate) use self::regions::Regions;
@@ -121,7 +126,7 @@ pub struct GiScenePlugin;
 
 impl Plugin for GiScenePlugin {
     fn build(&self, app: &mut App) {
-        app.register_type::<GiLight>().register_type::<VoxelizedMesh>();
+        app.register_type::<GiLight>().register_type::<VoxelizedMesh>().register_type::<VoxelizedGroup>();
     }
 
     fn finish(&self, app: &mut App) {
@@ -134,11 +139,13 @@ impl Plugin for GiScenePlugin {
         render_app
             .init_resource::<SceneCameras>()
             .init_resource::<ExtractedInstances>()
+            .init_resource::<ExtractedGroups>()
             .init_resource::<ExtractedMaterials>()
             .init_resource::<ExtractedLights>()
             .init_resource::<ExtractedPoses>()
             .init_resource::<ExtractedSky>()
             .init_resource::<Instances>()
+            .init_resource::<Groups>()
             .init_resource::<Regions>()
             .init_resource::<Materials>()
             .init_resource::<Occluders>()
@@ -147,7 +154,10 @@ impl Plugin for GiScenePlugin {
             .add_systems(RenderStartup, (init_scene, init_pipelines, init_sky))
             .add_systems(
                 ExtractSchedule,
-                (extract_cameras, (extract_instances, extract_materials, extract_lights, extract_poses, extract_sky))
+                (
+                    extract_cameras,
+                    (extract_instances, extract_groups, extract_materials, extract_lights, extract_poses, extract_sky),
+                )
                     .chain(),
             )
             .add_systems(
@@ -164,6 +174,7 @@ impl Plugin for GiScenePlugin {
                         resolve_instances,
                         choose_occluders,
                         place_regions,
+                        update_groups,
                         update_lights,
                         update_sky,
                         upload_scene,

@@ -111,6 +111,16 @@ impl SceneBuffers {
         self.uniform.get().emissive_chunk_count
     }
 
+    /// Of those, the ones voxelised with the world.
+    pub fn world_chunk_count(&self) -> u32 {
+        self.uniform.get().world_chunk_count
+    }
+
+    /// The same of those that shine.
+    pub fn world_emissive_chunk_count(&self) -> u32 {
+        self.uniform.get().world_emissive_chunk_count
+    }
+
     /// What casts shadows into the maps of virtual lights.
     pub fn occluders(&self) -> OccluderCounts {
         self.occluders
@@ -260,6 +270,8 @@ pub(super) fn upload_scene(
         sky_count: buffers.sky_count,
         regions: scene_regions,
         region_count,
+        world_chunk_count: instances.world_chunks[0],
+        world_emissive_chunk_count: instances.world_chunks[1],
     };
     if *buffers.uniform.get() != scene || buffers.uniform.buffer().is_none() {
         buffers.uniform.set(scene);

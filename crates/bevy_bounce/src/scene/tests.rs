@@ -381,3 +381,47 @@ fn skins_and_morphs_stand_as_they_are_posed_this_frame() {
     app.update();
     assert_eq!(taking_part(&app), 1);
 }
+
+#[test]
+fn groups_hold_what_is_rigid_below_them() {
+    let Some(mut app) = app() else { return };
+    let morphed = triangle(RenderAssetUsages::RENDER_WORLD)
+        .with_morph_targets([Vec3::Z; 3].map(|delta| MorphAttributes::new(delta, Vec3::ZERO, Vec3::ZERO)).to_vec());
+    let (rigid, morphed) = (add(&mut app, triangle(RenderAssetUsages::RENDER_WORLD)), add(&mut app, morphed));
+    let material = add(&mut app, StandardMaterial::default());
+    let root = |x: f32| (Transform::from_xyz(x, 0.0, 0.0), Visibility::default(), VoxelizedGroup::default());
+    let (outer, inner) = (app.world_mut().spawn(root(5.0)).id(), app.world_mut().spawn(root(1.0)).id());
+    let arm = app.world_mut().spawn((Transform::from_xyz(0.0, 2.0, 0.0), Visibility::default())).id();
+    let meshes = [&rigid, &rigid, &rigid, &morphed].map(|mesh| spawn(&mut app, mesh, &material, Vec3::Z));
+    app.world_mut().entity_mut(meshes[3]).insert(MeshMorphWeights::Value { weights: vec![1.0] });
+    app.world_mut().entity_mut(arm).add_child(meshes[1]);
+    app.world_mut().entity_mut(inner).add_child(meshes[2]);
+    app.world_mut().entity_mut(outer).add_children(&[meshes[0], arm, inner, meshes[3]]);
+    app.update();
+    let groups = |app: &App| {
+        let groups = app.sub_app(RenderApp).world().resource::<Groups>();
+        let held = groups.placed.iter().map(|placed| {
+            let instances = groups.grids[placed.grid].instances();
+            let mut heights: Vec<f32> = instances.iter().map(|instance| instance.world_from_local_y.w).collect();
+            heights.sort_by(f32::total_cmp);
+            (placed.world_from_group.translation.x, heights)
+        });
+        (held.collect::<Vec<_>>(), buffers(app).world_chunk_count(), buffers(app).chunk_count())
+    };
+    // What bends is in the world; a group within the group is one of its own.
+    assert_eq!(groups(&app), (vec![(5.0, vec![0.0, 2.0]), (6.0, vec![0.0])], 1, 4));
+    app.world_mut().entity_mut(outer).insert(Transform::from_xyz(7.0, 0.0, 0.0));
+    app.world_mut().entity_mut(arm).insert(Transform::from_xyz(0.0, 3.0, 0.0));
+    app.update();
+    assert_eq!(groups(&app), (vec![(7.0, vec![0.0, 3.0]), (8.0, vec![0.0])], 1, 4));
+    app.world_mut().entity_mut(meshes[0]).remove::<ChildOf>();
+    app.world_mut().entity_mut(inner).remove::<VoxelizedGroup>();
+    app.update();
+    assert_eq!(groups(&app), (vec![(7.0, vec![0.0, 3.0])], 2, 4));
+    app.world_mut().entity_mut(outer).insert(Transform::from_scale(Vec3::new(1.0, 0.0, 1.0)));
+    app.update();
+    assert_eq!(groups(&app).0, [], "flat");
+    app.world_mut().despawn(outer);
+    app.update();
+    assert_eq!(groups(&app), (vec![], 1, 1));
+}

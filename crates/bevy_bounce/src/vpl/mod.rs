@@ -12,7 +12,7 @@
 //! | `starts` | 416 KiB | what the vertices before each weigh |
 //! | `nodes`, `steps` | 420 KiB | where the order may be cut, and how often each error of a node occurs |
 //! | `firsts` | 4 KiB | first vertex of each light |
-//! | `bricks` | 8 KiB | lights in each brick of the grid, the first of the lights filed under it, and what light from the candidates falls into it |
+//! | `bricks` | 10 KiB | lights in each brick of the grid, the first of the lights filed under it, what light from the candidates falls into it, and area of groups |
 //! | `densities` | 4 KiB | lights and area of the surfaces in each brick |
 //! | `vpls` | 48 KiB | the list: position, normal, flux |
 //! | `meetings` | 8 KiB | which surface the path of each light met |

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::RenderContext;
-use bevy_bounce_shaders::types::{CANDIDATES, HILBERT_BITS, VplParameters};
+use bevy_bounce_shaders::types::{CANDIDATES, GROUP_EDGE, HILBERT_BITS, VplParameters};
 
 use super::pipelines::VplPipelines;
 use super::prepare::VplBuffers;
@@ -98,7 +98,7 @@ pub(super) fn trace_vpls(
             whole(&vpl.vertex_count),
             whole(vpl.order.sorted(key_bits)),
             whole(&vpl.starts),
-            whole(&grid.counters),
+            whole(&grid.work.counters),
             whole(&vpl.nodes),
             whole(&vpl.steps),
             whole(&vpl.firsts),
@@ -139,6 +139,7 @@ pub(super) fn trace_vpls(
             whole(&vpl.meetings),
         ],
     );
+    let areas = p.add_group_areas.bind(&device, &cache, &[whole(&vpl.bricks), whole(&grid.work.counters)]);
     let density = p.measure_density.bind(&device, &cache, &[parameters, whole(&vpl.bricks), whole(&vpl.densities)]);
 
     let diagnostics = ctx.diagnostic_recorder();
@@ -152,6 +153,8 @@ pub(super) fn trace_vpls(
     let groups = |threads: u32| UVec3::new(threads.div_ceil(GROUP), 1, 1);
     encoder.clear_buffer(&vpl.bricks, 0, None);
     encoder.clear_buffer(&vpl.steps, 0, None);
+    let group_voxels = grid.groups.count() * GROUP_EDGE.pow(3);
+    p.add_group_areas.dispatch(encoder, &cache, &[&areas, &grid_group], folded(group_voxels.div_ceil(GROUP)));
     if scene.has_directional_lights() {
         let candidates = path_count * CANDIDATES;
         p.look_ahead.dispatch(encoder, &cache, &[&ahead, &grid_group], folded(candidates.div_ceil(GROUP)));

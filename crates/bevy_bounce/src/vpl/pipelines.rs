@@ -25,6 +25,7 @@ pub(super) struct VplPipelines {
     pub file_lights: Kernel,
     pub meet_triangles: Kernel,
     pub set_lights: Kernel,
+    pub add_group_areas: Kernel,
     pub measure_density: Kernel,
 }
 
@@ -51,6 +52,8 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let places = [uniform, read, write, write, write];
     // Geometry, instances, materials, thumbnails; grid, scene; chunks, list, bricks; meetings.
     let settle = [read, read, read, read, uniform, uniform, read, read, read, write];
+    // Bricks, counters.
+    let areas = [write, write];
     // Parameters; bricks; densities.
     let density = [uniform, read, write];
     commands.insert_resource(VplPipelines {
@@ -67,6 +70,7 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
         file_lights: kernel("vpl/places.wgsl", "file_lights", &places, &[]),
         meet_triangles: kernel("vpl/settle.wgsl", "meet_triangles", &settle, &[]),
         set_lights: kernel("vpl/places.wgsl", "set_lights", &places, &[]),
+        add_group_areas: kernel("vpl/group_areas.wgsl", "add_group_areas", &areas, &[grid_layout()]),
         measure_density: kernel("vpl/density.wgsl", "measure_density", &density, &[grid_layout()]),
     });
 }

@@ -81,7 +81,7 @@ impl VplBuffers {
 
     /// Where paths were reflected: in the sums of the voxel grid, which are done with by then, where these are large enough.
     pub fn vertices<'a>(&'a self, grid: &'a VoxelGrid) -> &'a Buffer {
-        self.vertices.as_ref().unwrap_or(&grid.sums)
+        self.vertices.as_ref().unwrap_or(&grid.work.sums)
     }
 
     /// Sizes of the path tracer.
@@ -156,7 +156,7 @@ pub(super) fn prepare_vpls(
     let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
     let bricks = grid.as_ref().map_or(0, |grid| u64::from(grid.brick_count()));
     let brick_words = bricks * u64::from(BRICK_WORDS);
-    let shared_bytes = grid.as_ref().map_or(0, |grid| grid.sums.size());
+    let shared_bytes = grid.as_ref().map_or(0, |grid| grid.work.sums.size());
     let prepare = |buffers: &mut VplBuffers| {
         if buffers.emitters.size() < needed {
             buffers.emitters = storage(&device, "bounce_emitters", needed.next_power_of_two().min(limit).max(needed));

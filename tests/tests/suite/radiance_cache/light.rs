@@ -5,7 +5,7 @@ use std::f32::consts::PI;
 use bevy::math::{UVec3, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
     CACHE_COARSE_EDGE, CACHE_EDGE, CACHE_HEIGHT, CACHE_WIDTH, CACHES_A_ROW, CacheCounters, Grid, LIGHT_POINT, Light,
-    LightVolume, RadianceCache, Vpl, VplHeader,
+    LightVolume, RadianceCache, VoxelGroups, Vpl, VplHeader,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -83,7 +83,11 @@ fn create(dims: u32, volume: [&[Vec4]; 3], normals: &[Vec3]) -> Resources {
         .texture("light_x", HALF, size, true, &half_texels(volume[0]))
         .texture("light_y", HALF, size, true, &half_texels(volume[1]))
         .texture("light_z", HALF, size, true, &half_texels(volume[2]))
-        .sampler("light_sampler", FilterMode::Linear);
+        .sampler("light_sampler", FilterMode::Linear)
+        .uniform("voxel_groups", &VoxelGroups::default())
+        .alias("light_x", "group_x")
+        .alias("light_y", "group_y")
+        .alias("light_z", "group_z");
     run(gpu(), "radiance_cache/create.wgsl", "create", &resources, [normals.len() as u32 + 3, 1, 1]);
     resources
 }
@@ -223,7 +227,8 @@ fn cells_have_the_light_of_lamps_and_their_own() {
     let grid = scene.grid(0.2);
     let cells = grid.cell_capacity as usize;
     let dims = grid.dims.map(|voxels| voxels.next_multiple_of(2));
-    let volume = LightVolume { dims, gap: 2, last_level: 1, ..Default::default() };
+    let volume =
+        LightVolume { dims, gap: 2, last_level: 1, first_group_cell: grid.cell_capacity, ..Default::default() };
     let size = [2 * dims.x + 2, dims.y, dims.z];
     let mut resources = voxelize(gpu(), &scene, &grid, None)
         .uniform("volume", &volume)
