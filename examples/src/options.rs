@@ -76,6 +76,9 @@ pub struct Options {
     /// How baked visibility is looked up
     #[arg(long, value_enum)]
     pub cssm_filter: Option<FilterOption>,
+    /// Where the last bounce from baked texels is gathered
+    #[arg(long, value_enum)]
+    pub cssm_receivers: Option<ReceiversOption>,
     /// Radiance caches at two million pixels, over the quality's
     #[arg(long, value_name = "N")]
     pub caches: Option<u32>,
@@ -196,6 +199,15 @@ pub enum FilterOption {
     Nearest,
     /// By four
     Pixels,
+}
+
+/// `--cssm-receivers`
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ReceiversOption {
+    /// Each pixel
+    Pixels,
+    /// Texels, of which pixels show a smooth picture
+    Texels,
 }
 
 /// `--show`

@@ -6,12 +6,12 @@ use std::time::Duration;
 
 use bevy::prelude::*;
 use bevy_bounce::{
-    CssmFilter, GiIsolate, GiSettings, GlobalIllumination, Quality, Resolution, Technique, VplVisibility,
+    CssmFilter, CssmReceivers, GiIsolate, GiSettings, GlobalIllumination, Quality, Resolution, Technique, VplVisibility,
 };
 
 use crate::options::{
-    FilterOption, IsolateOption, QualityOption, ResolutionOption, ShowOption, Sky, Switch, TechniqueOption,
-    VisibilityOption,
+    FilterOption, IsolateOption, QualityOption, ReceiversOption, ResolutionOption, ShowOption, Sky, Switch,
+    TechniqueOption, VisibilityOption,
 };
 use crate::{Error, Options};
 
@@ -155,6 +155,11 @@ impl Options {
         settings.resolution = pixels(self.resolution, settings.resolution);
         settings.ssbc.resolution = pixels(self.ssbc_resolution, settings.ssbc.resolution);
         settings.cssm.error = self.cssm_error.unwrap_or(settings.cssm.error);
+        settings.cssm.receivers = match self.cssm_receivers {
+            Some(ReceiversOption::Pixels) => CssmReceivers::Pixels,
+            Some(ReceiversOption::Texels) => CssmReceivers::Texels,
+            None => settings.cssm.receivers,
+        };
         settings.cssm.filter = match self.cssm_filter {
             Some(FilterOption::Nearest) => CssmFilter::Nearest,
             Some(FilterOption::Pixels) => CssmFilter::Pixels,

@@ -104,6 +104,7 @@ shaders! {
     "cssm/bounce.wgsl" => ["bounce"],
     "debug/heat.wgsl" => [],
     "cssm/pixels.wgsl" => ["pixels"],
+    "cssm/smooth.wgsl" => ["smooth_pixels"],
     "radiance_cache/types.wgsl" => [],
     "radiance_cache/places.wgsl" => ["list_places", "list_group_places", "measure_unit"],
     "radiance_cache/light.wgsl" => ["light_cells"],

@@ -41,7 +41,7 @@ pub mod vpl;
 pub use avg::AvgPlugin;
 pub use budget::{BudgetPlugin, GiBudget};
 pub use compose::{GiComposePlugin, GiIsolate, ViewPass};
-pub use cssm::{CssmFilter, CssmObject, CssmPart, CssmPlugin, CssmSettings};
+pub use cssm::{CssmFilter, CssmObject, CssmPart, CssmPlugin, CssmReceivers, CssmSettings};
 pub use debug::{GiDebugPlugin, GiGizmos, VirtualLightGizmos};
 pub use history::HistoryPlugin;
 pub use interleaved::InterleavedShadingPlugin;

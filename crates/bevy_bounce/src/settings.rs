@@ -5,7 +5,7 @@ use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
 
 use crate::compute::MAX_WORKGROUPS;
-use crate::{CssmSettings, GiBudget, GiIsolate, RadianceCacheSettings, SsbcSettings};
+use crate::{CssmReceivers, CssmSettings, GiBudget, GiIsolate, RadianceCacheSettings, SsbcSettings};
 
 /// Lights what this camera sees with bounced light, right in every frame.
 ///
@@ -181,7 +181,8 @@ impl GlobalIllumination {
             settings.ssbc = SsbcSettings::OFF;
             settings.radiance_cache.glossy = self.technique == Technique::RadianceCache;
         }
-        settings.cssm.glossy &= self.technique == Technique::SurfaceRadiosity;
+        let at_pixels = settings.cssm.receivers == CssmReceivers::Pixels;
+        settings.cssm.glossy &= self.technique == Technique::SurfaceRadiosity && at_pixels;
         settings
     }
 

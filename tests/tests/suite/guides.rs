@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 use bevy::camera::Exposure;
 use bevy::reflect::{TypeInfo, Typed};
 use bevy_bounce::{
-    CssmFilter, CssmSettings, GiIsolate, GiLight, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings,
-    Resolution, SsbcSettings, Technique, VoxelizedGroup, VoxelizedMesh, VplVisibility,
+    CssmFilter, CssmReceivers, CssmSettings, GiIsolate, GiLight, GiSettings, GlobalIllumination, Quality,
+    RadianceCacheSettings, Resolution, SsbcSettings, Technique, VoxelizedGroup, VoxelizedMesh, VplVisibility,
 };
 
 const ADDING: &str = "docs/adding-to-a-game.md";
@@ -173,6 +173,7 @@ fn members() -> BTreeMap<&'static str, BTreeSet<&'static str>> {
         VplVisibility::type_info(),
         Resolution::type_info(),
         CssmFilter::type_info(),
+        CssmReceivers::type_info(),
     ];
     types.into_iter().map(|info| (info.type_path_table().ident().unwrap_or_default(), of(info))).collect()
 }

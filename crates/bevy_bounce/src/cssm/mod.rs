@@ -12,6 +12,7 @@
 //! | `direct` | texel | lights; cube maps, maps from outside | added to `sources` |
 //! | `leaves`, `pull` | texel; node, level by level | `sources`, `gathered` | `powers` |
 //! | `bounce` | texel | `powers` along its cuts; cube maps, maps from outside | `gathered` |
+//! | `smooth_pixels` | pixel | `gathered` of the texels around it, where these receive the last bounce | the view's `indirect` |
 //! | `pixels` | pixel | the same | the view's `indirect`, and `glossy` where it is asked for |
 //!
 //! Where a [budget](crate::GlobalIllumination::budget) asks for it, one `bounce` with its `leaves` and `pull` runs a frame, on `powers` and
@@ -100,7 +101,7 @@ pub(crate) use passes::Pixels;
 pub(crate) use pipelines::{bind_maps, maps_layout, pixel_kernel};
 pub(crate) use pixels::PixelLight;
 pub(crate) use prepare::Baked;
-pub use settings::{CssmFilter, CssmSettings};
+pub use settings::{CssmFilter, CssmReceivers, CssmSettings};
 pub use surfaces::surfaces;
 
 /// Baked visibility of a rigid object: of the mesh it is on and of those below it, in the space of this entity.

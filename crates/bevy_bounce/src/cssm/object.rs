@@ -18,7 +18,7 @@ use bevy_bounce_shaders::types::{CSSM_OBJECTS, CssmGather};
 use super::display::light_of_steps;
 use super::hull::Overlaps;
 use super::prepare::{Baked, PreparedBakes};
-use super::{CssmFilter, CssmObject, CssmPart};
+use super::{CssmFilter, CssmObject, CssmPart, CssmReceivers};
 use crate::{GiBudget, GiSettings, GlobalIllumination, Technique, VplVisibility};
 
 /// How much edges of a baked object may change in length by its transform.
@@ -40,6 +40,8 @@ pub(super) struct ExtractedCssm {
     pub objects_of_parts: Vec<u32>,
     /// Whether bounces between texels follow each other from frame to frame: all cameras that ask for them have a budget.
     pub spread: bool,
+    /// Whether texels gather the last bounce, too, for pixels that show them.
+    pub at_texels: bool,
     /// Whether virtual lights see by bakes.
     pub are_eyes: bool,
     overlaps: Overlaps,
@@ -99,6 +101,7 @@ pub(super) fn extract_cameras(
     extracted.bounces = 0;
     extracted.are_eyes = false;
     extracted.spread = true;
+    extracted.at_texels = false;
     let mut first = None;
     for (entity, render_entity, camera, gi, budget, exposure, tonemapping) in &cameras {
         let settings = gi.settings();
@@ -113,6 +116,7 @@ pub(super) fn extract_cameras(
         commands.entity(render_entity).insert(CssmView(of_pixels));
         extracted.bounces = extracted.bounces.max(settings.bounces);
         extracted.spread &= gi.budget.is_some();
+        extracted.at_texels |= settings.cssm.receivers == CssmReceivers::Texels;
         let key = (camera.order, entity);
         if first.is_none_or(|first| key < first) {
             first = Some(key);

@@ -12,10 +12,10 @@ use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
 use super::pipelines::{CssmPipelines, bind_maps};
 use super::pixels::PixelLight;
 use super::prepare::{Baked, Light, Next};
-use crate::Technique;
 use crate::compute::{Kernel, folded, whole};
 use crate::scene::SceneBuffers;
 use crate::view::{GiView, ViewTextures};
+use crate::{CssmReceivers, Technique};
 
 /// Threads of a workgroup.
 const GROUP: u32 = 64;
@@ -136,10 +136,15 @@ impl Bounces {
         self.pull(p, baked, encoder, cache);
     }
 
-    /// One more.
-    fn bounce(&self, p: &CssmPipelines, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
+    /// What the texels receive.
+    fn gather(&self, p: &CssmPipelines, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
         let size = folded(baked.lights().div_ceil(GROUP));
         p.gather(baked.count()).bounce.dispatch(encoder, cache, &[&self.bounce, &self.maps], size);
+    }
+
+    /// One more.
+    fn bounce(&self, p: &CssmPipelines, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
+        self.gather(p, baked, encoder, cache);
         self.pull(p, baked, encoder, cache);
     }
 }
@@ -161,7 +166,7 @@ pub(super) fn light_texels(
     let device = ctx.render_device().clone();
     let Some(sources) = Sources::new(&p, baked, &scene, &device, &cache) else { return };
     let Some(shown) = Bounces::new(&p, baked, &baked.light, &device, &cache) else { return };
-    // The pixels' own gather is the last bounce.
+    // The last bounce is the pixels' own gather, or one that no texel sends on.
     let between = wanted.bounces - 1;
     let mut next =
         (wanted.spread && between > 0).then(|| baked.next.take().unwrap_or_else(|| Next::new(&device, baked.lights())));
@@ -180,6 +185,9 @@ pub(super) fn light_texels(
             if has_changed {
                 // At once: what the pixels gather is new, with further bounces as they were.
                 shown.pull(&p, baked, encoder, &cache);
+                if wanted.at_texels {
+                    shown.gather(&p, baked, encoder, &cache);
+                }
                 next.is_late = true;
             }
             let bounces = next.bounces.unwrap_or(0);
@@ -190,6 +198,9 @@ pub(super) fn light_texels(
             coming.bounce(&p, baked, encoder, &cache);
             next.bounces = Some(bounces + 1);
             if bounces + 1 == between {
+                if wanted.at_texels {
+                    coming.gather(&p, baked, encoder, &cache);
+                }
                 std::mem::swap(&mut baked.light, &mut next.light);
                 next.bounces = next.is_late.then_some(0);
             }
@@ -198,6 +209,9 @@ pub(super) fn light_texels(
             shown.start(&p, baked, &baked.light, encoder, &cache);
             for _ in 0..between {
                 shown.bounce(&p, baked, encoder, &cache);
+            }
+            if wanted.at_texels {
+                shown.gather(&p, baked, encoder, &cache);
             }
         }
     }
@@ -221,6 +235,23 @@ impl Pixels<'_> {
     /// Whether glossy light is gathered, too.
     pub fn are_glossy(&self) -> bool {
         self.textures.glossy.is_some() && self.prepass.deferred_view().is_some()
+    }
+
+    /// Groups of the kernel that shows what texels gathered; nothing while they are not lit.
+    fn smooth_groups(&self, kernel: &Kernel, device: &RenderDevice, cache: &PipelineCache) -> Option<[BindGroup; 2]> {
+        let baked = self.baked;
+        let bindings = [
+            whole(&baked.texels),
+            baked.bakes.binding()?,
+            whole(&baked.tree),
+            whole(&baked.light.powers),
+            self.light.settings.binding()?,
+            self.view.clone(),
+            BindingResource::TextureView(&self.textures.surface),
+            BindingResource::TextureView(&self.textures.indirect),
+            whole(&baked.light.gathered),
+        ];
+        baked.is_lit().then(|| [kernel.bind(device, cache, &bindings), bind_maps(baked, device, cache)])
     }
 
     /// Groups of a kernel, with what glossy light needs or without; nothing while texels are not lit.
@@ -271,8 +302,15 @@ pub(super) fn light_pixels(
     let view = BufferBinding { buffer, offset: offset.offset.into(), size: Some(ViewUniform::min_size()) };
     let pixels = Pixels { baked: &baked, light, view: BindingResource::Buffer(view), textures, prepass };
     let (kernels, glossy) = (p.gather(baked.count()), pixels.are_glossy());
-    let kernel = if glossy { &kernels.glossy_pixels } else { &kernels.pixels };
-    let Some([group, maps]) = pixels.groups(kernel, glossy, ctx.render_device(), &cache) else { return };
+    let device = ctx.render_device();
+    let (kernel, groups) = match gi.settings.cssm.receivers {
+        CssmReceivers::Texels => (&kernels.smooth_pixels, pixels.smooth_groups(&kernels.smooth_pixels, device, &cache)),
+        CssmReceivers::Pixels => {
+            let kernel = if glossy { &kernels.glossy_pixels } else { &kernels.pixels };
+            (kernel, pixels.groups(kernel, glossy, device, &cache))
+        }
+    };
+    let Some([group, maps]) = groups else { return };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();

@@ -31,6 +31,8 @@ pub(super) struct GatherKernels {
     pub pixels: Kernel,
     /// With glossy light.
     pub glossy_pixels: Kernel,
+    /// What texels gathered instead.
+    pub smooth_pixels: Kernel,
 }
 
 impl CssmPipelines {
@@ -101,11 +103,16 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let hierarchy = [read, uniform, read, write, read, read, uniform];
     // Texels, bakes; tree, nodes' light, settings; irradiance.
     let bounce = [read, uniform, read, read, uniform, write];
+    // Texels, bakes; tree, nodes' light, settings; view, surface; light; irradiance.
+    let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
+    let surface = texture_2d(TextureSampleType::Uint);
+    let smooth = [read, uniform, read, read, uniform, uniform, surface, output, read];
     let gather = |defs: &[&str]| {
         let pixels = |glossy| pixel_kernel("cssm/pixels.wgsl", "pixels", defs, glossy, &cache, &shaders);
-        let of_bounce = defs.iter().map(|def| ShaderDefVal::from(*def)).collect();
+        let defs = || defs.iter().map(|def| ShaderDefVal::from(*def)).collect();
         GatherKernels {
-            bounce: kernel_with("cssm/bounce.wgsl", "bounce", &bounce, &maps, of_bounce),
+            bounce: kernel_with("cssm/bounce.wgsl", "bounce", &bounce, &maps, defs()),
+            smooth_pixels: kernel_with("cssm/smooth.wgsl", "smooth_pixels", &smooth, &maps, defs()),
             pixels: pixels(false),
             glossy_pixels: pixels(true),
         }

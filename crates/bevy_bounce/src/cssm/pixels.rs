@@ -9,8 +9,8 @@ use bevy_bounce_shaders::types::CssmGather;
 
 use super::object::CssmView;
 use super::prepare::Baked;
-use crate::Technique;
 use crate::view::{GiView, ViewTextures};
+use crate::{CssmReceivers, Technique};
 
 /// Frames that are averaged.
 const RESTING_FRAMES: u32 = 64;
@@ -81,7 +81,8 @@ pub(super) fn prepare_pixels(
         let glossy = textures.glossy.is_some();
         let texels = u64::from(textures.size.x) * u64::from(textures.size.y);
         let bytes = texels * KEPT_BYTES * (1 + u64::from(glossy));
-        let averages = gi.settings.has_history() && bytes <= most;
+        let at_pixels = gi.settings.cssm.receivers == CssmReceivers::Pixels;
+        let averages = at_pixels && gi.settings.has_history() && bytes <= most;
         let (frames, bytes) = if averages { (RESTING_FRAMES, bytes) } else { (1, KEPT_BYTES) };
 
         let mut clip_from_view = view.clip_from_view;

@@ -133,6 +133,8 @@ pub(crate) struct State {
     pub bounces: u32,
     /// Whether those between texels follow each other from frame to frame.
     pub spread: bool,
+    /// Whether texels gather the last one, too.
+    pub at_texels: bool,
     parts: Vec<[u32; 3]>,
     revision: u64,
 }
@@ -321,6 +323,7 @@ pub(super) fn prepare_light(
         gather: extracted.gather,
         bounces: extracted.bounces,
         spread: extracted.spread,
+        at_texels: extracted.at_texels,
         parts: extracted.parts.iter().map(look).collect(),
         revision: scene.light_revision(),
     };

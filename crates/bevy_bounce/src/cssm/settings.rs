@@ -15,6 +15,20 @@ pub struct CssmSettings {
     /// The last bounce is glossy, too: metal and polish reflect the lit texels, as sharply as those are fine. Costs about as many
     /// more nodes as a reflection has steps of `error`, and 8 bytes a pixel.
     pub glossy: bool,
+    /// Where the last bounce is gathered.
+    pub receivers: CssmReceivers,
+}
+
+/// Where the last bounce from baked texels is gathered.
+#[derive(Reflect, Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+#[reflect(Default)]
+pub enum CssmReceivers {
+    /// At each pixel: normal maps count, and glossy light.
+    #[default]
+    Pixels,
+    /// At the texels, when something has changed: pixels show what those around them have, smoothly. Fast, as fine as the atlas, diffuse, without
+    /// normal maps. What is not baked still gathers at each pixel.
+    Texels,
 }
 
 /// How baked visibility is looked up.
@@ -29,8 +43,9 @@ pub enum CssmFilter {
 }
 
 impl CssmSettings {
-    /// Sixteen steps, unfiltered, diffuse.
-    pub const DEFAULT: Self = Self { error: 16.0, filter: CssmFilter::Nearest, glossy: false };
+    /// Sixteen steps, unfiltered, diffuse, at pixels.
+    pub const DEFAULT: Self =
+        Self { error: 16.0, filter: CssmFilter::Nearest, glossy: false, receivers: CssmReceivers::Pixels };
 
     /// The same within the documented ranges.
     pub(crate) fn clamped(self) -> Self {

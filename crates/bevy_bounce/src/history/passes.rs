@@ -43,7 +43,8 @@ pub(super) fn average(
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), "bounce/history");
     let lights = std::iter::once(&textures.indirect).chain(&textures.glossy);
-    for (i, (light, kept)) in lights.zip(&history.light).enumerate() {
+    for (i, (light, known)) in lights.zip(&history.light).enumerate() {
+        let (kept, [last_trembling, trembling]) = (&known.light, known.trembling(history.turn()));
         let average = [
             view.clone(),
             parameters.clone(),
@@ -53,6 +54,8 @@ pub(super) fn average(
             texture(&history.surfaces),
             texture(light),
             texture(&textures.interleaved),
+            texture(last_trembling),
+            texture(trembling),
         ];
         let keep = [
             texture(&textures.interleaved),

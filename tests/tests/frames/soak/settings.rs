@@ -2,8 +2,8 @@
 
 use bevy::prelude::*;
 use bevy_bounce::{
-    CssmFilter, CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, Resolution,
-    SsbcSettings, Technique, VplVisibility,
+    CssmFilter, CssmReceivers, CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings,
+    Resolution, SsbcSettings, Technique, VplVisibility,
 };
 use fastrand::Rng;
 
@@ -49,13 +49,13 @@ fn float(random: &mut Rng, low: f32, high: f32) -> f32 {
 }
 
 fn settings(random: &mut Rng) -> GiSettings {
-    use VplVisibility::{Atlas, Ism, None, Voxel};
+    use VplVisibility::{Atlas, Baked, Ism, None, Voxel};
     GiSettings {
         grid: random.u32(0..48),
         range: float(random, 0.5, 60.0),
         vpls: random.u32(0..300),
         bounces: random.u32(0..40),
-        visibility: one_of(random, &[None, Voxel, Ism, Atlas]),
+        visibility: one_of(random, &[None, Voxel, Ism, Atlas, Baked]),
         tile: random.u32(0..60),
         bound: float(random, 0.01, 10.0),
         probes: one_of(random, &[0, 0, 1, 8, 14]),
@@ -72,6 +72,7 @@ fn settings(random: &mut Rng) -> GiSettings {
             error: float(random, 4.0, 128.0),
             filter: one_of(random, &[CssmFilter::Nearest, CssmFilter::Pixels]),
             glossy: random.bool(),
+            receivers: one_of(random, &[CssmReceivers::Pixels, CssmReceivers::Texels]),
         },
         radiance_cache: RadianceCacheSettings {
             glossy: random.bool(),

@@ -7,7 +7,9 @@ use bevy::camera::Exposure;
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use bevy_bounce::cssm::times_lit;
-use bevy_bounce::{CssmFilter, CssmObject, CssmPart, CssmSettings, GiSettings, GlobalIllumination, Quality, Technique};
+use bevy_bounce::{
+    CssmFilter, CssmObject, CssmPart, CssmReceivers, CssmSettings, GiSettings, GlobalIllumination, Quality, Technique,
+};
 use bevy_bounce_bake as bake;
 use bevy_bounce_cssm::{CssmAsset, CssmFile};
 use bevy_bounce_tests::baked::cornell_box;
@@ -60,12 +62,18 @@ fn every_bounce_equals_its_reference() {
         let file = committed_file(&format!("cornell_box.{bounces}.indirect.exr"));
         Picture::load(&file).unwrap_or_else(|error| panic!("{error}"))
     });
-    for (bounces, reference) in (1..).zip(&references) {
-        let cssm = CssmSettings { error: 2.0, ..CssmSettings::DEFAULT };
-        stage.light_by(radiosity(GiSettings { bounces, cssm, ..SMALL }));
+    let by = |bounces, receivers| {
+        let cssm = CssmSettings { error: 2.0, receivers, ..CssmSettings::DEFAULT };
+        radiosity(GiSettings { bounces, cssm, ..SMALL })
+    };
+    let cases = [CssmReceivers::Pixels, CssmReceivers::Texels].map(|receivers| (1..=3).map(move |n| (n, receivers)));
+    for (bounces, receivers) in cases.into_iter().flatten() {
+        let reference = &references[bounces as usize - 1];
+        stage.light_by(by(bounces, receivers));
         let picture = stage.settled_picture();
-        let metrics = compare(&picture, reference, &bounds).unwrap_or_else(|error| panic!("{bounces}: {error}"));
-        println!("{bounces}: {metrics:?}");
+        let name = format!("{bounces} bounces at {receivers:?}");
+        let metrics = compare(&picture, reference, &bounds).unwrap_or_else(|error| panic!("{name}: {error}"));
+        println!("{name}: {metrics:?}");
         for other in references.iter().filter(|other| *other != reference) {
             compare(&picture, other, &bounds).expect_err("the bounds are too wide to tell");
         }
@@ -85,6 +93,10 @@ fn frames_are_the_same_to_the_byte_and_follow_every_change() {
     let changed = [
         ("bounces", GiSettings { bounces: 2, ..SMALL }),
         ("error", GiSettings { cssm: CssmSettings { error: 64.0, ..CssmSettings::DEFAULT }, ..SMALL }),
+        (
+            "receivers",
+            GiSettings { cssm: CssmSettings { receivers: CssmReceivers::Texels, ..CssmSettings::DEFAULT }, ..SMALL },
+        ),
         ("filter", GiSettings { cssm: CssmSettings { filter: CssmFilter::Pixels, ..CssmSettings::DEFAULT }, ..SMALL }),
     ];
     for (name, settings) in changed {
@@ -255,4 +267,31 @@ fn without_a_bake_nothing_bounces() {
     stage.world().entity_mut(object).insert(bake);
     stage.frame(Duration::ZERO);
     assert!(lit == stage.picture(), "a bake that is back differs");
+}
+
+/// What texels receive is shown by pixels alone while the camera moves, and by what stands beside the bake not at all: that gathers.
+#[test]
+fn texels_are_lit_once_for_every_eye() {
+    let cssm = CssmSettings { receivers: CssmReceivers::Texels, ..CssmSettings::DEFAULT };
+    let at_texels = radiosity(GiSettings { cssm, history: 1, ..SMALL });
+    let mut stage = cornell();
+    let world = stage.world();
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(Cuboid::from_length(0.5));
+    let paint = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial::default());
+    world.spawn((Mesh3d(mesh), MeshMaterial3d(paint), Transform::from_xyz(0.0, 3.5, 2.5)));
+    stage.light_by(radiosity(GiSettings { history: 1, ..SMALL }));
+    let pixels = stage.settled_picture();
+    stage.light_by(at_texels);
+    let texels = stage.settled_picture();
+    let bounds = Bounds { energy: Some((0.95, 1.05)), low: Some(0.12), flip: Some(0.06), nrmse: None };
+    let metrics = compare(&texels, &pixels, &bounds).unwrap_or_else(|error| panic!("{error}"));
+    println!("{metrics:?}");
+    let times = times_lit(stage.render_world());
+    let camera = stage.only::<Camera3d>();
+    if let Some(mut place) = stage.world().get_mut::<Transform>(camera) {
+        place.translation.x += 0.3;
+    }
+    let moved = Metrics::new(&stage.picture(), &texels).expect("sizes are equal");
+    assert!(moved.nrmse > 0.05 && (moved.energy - 1.0).abs() < 0.1, "{moved:?}");
+    assert_eq!(times_lit(stage.render_world()), times, "texels are lit anew for another eye");
 }
