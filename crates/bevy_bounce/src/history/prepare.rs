@@ -55,7 +55,7 @@ impl Frame {
 }
 
 /// Of a light of a view.
-pub(super) struct Known {
+pub(crate) struct Known {
     /// The average, and over how many frames it is.
     pub light: TextureView,
     trembling: [TextureView; 2],
