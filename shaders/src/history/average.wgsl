@@ -4,14 +4,10 @@
 // around that show the same surface. Salvi 2016, "An Excursion in Temporal Supersampling", clips history to the range that these span;
 // here its weight falls with the square of how far it is off, and at the end of the range it is forgotten. So a light that is switched
 // shows in that frame, and no pixel is ever further off its own frame's light than 2 / sqrt(27) of the range: 2.4 percent where light
-// is even, 4.1 percent where it is not, 10.4 where it trembles besides. After a budget has changed how many lights there are, the light is the same but for where these
+// is even, 4.1 percent where it is not. After a budget has changed how many lights there are, the light is the same but for where these
 // lie: then the range is `LENIENT` times as wide at first and within it hardly any weight is lost, so that the new lights are faded in.
 //
-// Light may tremble by itself, as where many things move and virtual lights fall elsewhere in each frame: then history may be off by as much
-// as it trembles, up to `LARGEST_TREMBLING`. Only what turns back counts as trembling: of the two last frames' differences the smaller one where
-// one was brighter and one darker than what was known. So a step is none, nor is light that goes on growing.
-//
-// Cost: nine texels of light and of surfaces, a word read and written, and what `recall.wgsl` costs.
+// Cost: nine texels of light and of surfaces, and what `recall.wgsl` costs.
 
 #import bevy_bounce::interleaved::surface::{Surface, unpack_surface, is_same_surface}
 #import bevy_bounce::history::recall::{view, parameters, surface_texture, recall, is_finite}
@@ -19,9 +15,6 @@
 @group(0) @binding(6) var light_texture: texture_2d<f32>;
 /// Light, and over how many frames it is averaged: 0 where it is not to be recalled.
 @group(0) @binding(7) var output: texture_storage_2d<rgba16float, write>;
-/// How far light was off what was known, and how much it trembles, shares of both: two halves.
-@group(0) @binding(8) var past_trembling: texture_2d<u32>;
-@group(0) @binding(9) var trembling: texture_storage_2d<r32uint, write>;
 
 /// Share of the light by which history may be off it.
 const TOLERANCE: f32 = 0.06;
@@ -30,12 +23,6 @@ const DEVIATIONS: f32 = 0.25;
 const LARGEST_DEVIATION: f32 = 0.04;
 /// Times the range is as wide at full leniency.
 const LENIENT: f32 = 8.0;
-/// Of how much light trembles, how far history may be off it, and share of the light that this is at most: differences that spread as those of
-/// a normal distribution do tremble by .28 of their standard deviation, of which this is two and a half.
-const RESTLESS: f32 = 9.0;
-const LARGEST_TREMBLING: f32 = 0.16;
-/// What a frame counts for how much light trembles.
-const TREMBLING_WEIGHT: f32 = 0.125;
 /// Share of a half float that takes it to the next one.
 const HALF_STEP: f32 = 0.0005;
 /// Pre-exposed light below what any display shows.
@@ -64,31 +51,15 @@ fn deviation_around(center: Surface, pixel: vec2<i32>, light: vec3<f32>) -> vec3
     return sqrt(max(squares / count - offset * offset, vec3<f32>(0.0)));
 }
 
-struct Averaged {
-    /// And over how many frames.
-    light: vec4<f32>,
-    /// As in `past_trembling`.
-    trembling: vec2<f32>,
-}
-
-/// How much light trembles, with another frame that is that share off what was known.
-fn trembled(past: vec2<f32>, off: f32) -> f32 {
-    let turns_back = off * past.x < 0.0;
-    return mix(past.y, select(0.0, min(abs(off), abs(past.x)), turns_back), TREMBLING_WEIGHT);
-}
-
-fn averaged(surface: Surface, pixel: vec2<u32>, light: vec3<f32>) -> Averaged {
-    let recalled = recall(surface, pixel);
-    let past = recalled.light;
+fn averaged(surface: Surface, pixel: vec2<u32>, light: vec3<f32>) -> vec4<f32> {
+    let past = recall(surface, pixel);
     if past.a < 1.0 {
-        return Averaged(vec4<f32>(light, 1.0), vec2<f32>(0.0));
+        return vec4<f32>(light, 1.0);
     }
     // Of both, so that what grows is let go as readily as what shrinks.
     let middle = 0.5 * (past.rgb + light);
     let deviation = DEVIATIONS * deviation_around(surface, vec2<i32>(pixel), light);
-    let quiet = (TOLERANCE * middle + min(deviation, LARGEST_DEVIATION * middle)) * mix(1.0, LENIENT, parameters.leniency);
-    let before = unpack2x16float(textureLoad(past_trembling, recalled.texel, 0).x);
-    let range = quiet + min(RESTLESS * before.y, LARGEST_TREMBLING) * middle;
+    let range = (TOLERANCE * middle + min(deviation, LARGEST_DEVIATION * middle)) * mix(1.0, LENIENT, parameters.leniency);
     let off = abs(past.rgb - light) / (range + BLACK);
     let worst = min(max(off.x, max(off.y, off.z)), 1.0);
     let square = worst * worst;
@@ -98,12 +69,7 @@ fn averaged(surface: Surface, pixel: vec2<u32>, light: vec3<f32>) -> Averaged {
     // By a step of a half float at least, so that what stands still arrives.
     let difference = light - past.rgb;
     let step = min(abs(difference), max(weight * abs(difference), HALF_STEP * past.rgb));
-    let one = vec3<f32>(1.0);
-    let brighter = clamp(dot(difference, one) / (dot(middle, one) + BLACK), -1.0, 1.0);
-    return Averaged(
-        vec4<f32>(past.rgb + sign(difference) * step, 1.0 / weight),
-        vec2<f32>(brighter, trembled(before, brighter)),
-    );
+    return vec4<f32>(past.rgb + sign(difference) * step, 1.0 / weight);
 }
 
 @compute @workgroup_size(8, 8)
@@ -114,12 +80,11 @@ fn average(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let surface = unpack_surface(textureLoad(surface_texture, id.xy, 0).xy, id.xy, size, view);
     let light = textureLoad(light_texture, id.xy, 0).rgb;
-    var result = Averaged(vec4<f32>(0.0), vec2<f32>(0.0));
+    var result = vec4<f32>(0.0);
     if surface.valid && is_finite(light) {
         result = averaged(surface, id.xy, light);
     } else if surface.valid {
-        result.light = recall(surface, id.xy).light;
+        result = recall(surface, id.xy);
     }
-    textureStore(output, id.xy, result.light);
-    textureStore(trembling, id.xy, vec4<u32>(pack2x16float(result.trembling), 0u, 0u, 0u));
+    textureStore(output, id.xy, result);
 }

@@ -68,15 +68,8 @@ fn kinship(surface: Surface, word: u32, there: vec3<f32>, own: vec2<f32>) -> f32
     return select(0.0, saturate(alike), near && word != 0u);
 }
 
-struct Recalled {
-    /// In this frame's exposure, and over how many frames it is averaged: 0 where nothing is known.
-    light: vec4<f32>,
-    /// The pixel of the last frame that knows most of it.
-    texel: vec2<i32>,
-}
-
-fn recall(surface: Surface, pixel: vec2<u32>) -> Recalled {
-    let nothing = Recalled(vec4<f32>(0.0), vec2<i32>(0));
+/// Light in this frame's exposure, and over how many frames it is averaged: 0 where nothing is known.
+fn recall(surface: Surface, pixel: vec2<u32>) -> vec4<f32> {
     let size = vec2<f32>(textureDimensions(surface_texture));
     let own = own_motion(surface.position, pixel, size);
     let clip = parameters.previous_clip_from_world * vec4<f32>(surface.position, 1.0);
@@ -85,14 +78,12 @@ fn recall(surface: Surface, pixel: vec2<u32>) -> Recalled {
     let place = select(exact, round(exact), abs(exact - round(exact)) < vec2<f32>(AT_REST));
     // Also where it is not finite.
     if parameters.valid == 0u || clip.w <= 0.0 || !all(abs(place - 0.5 * size) < size) {
-        return nothing;
+        return vec4<f32>(0.0);
     }
     let corner = floor(place);
     let part = place - corner;
     var sum = vec4<f32>(0.0);
     var weights = 0.0;
-    var most = 0.0;
-    var nearest = vec2<i32>(0);
     for (var i = 0; i < 4; i++) {
         let offset = vec2<i32>(i & 1, i >> 1u);
         let texel = vec2<i32>(corner) + offset;
@@ -106,12 +97,10 @@ fn recall(surface: Surface, pixel: vec2<u32>) -> Recalled {
         if weight > 0.0 && light.a >= 1.0 && is_finite(light.rgb) {
             sum += weight * light;
             weights += weight;
-            nearest = select(nearest, texel, weight > most);
-            most = max(most, weight);
         }
     }
     if weights < ENOUGH {
-        return nothing;
+        return vec4<f32>(0.0);
     }
-    return Recalled(vec4<f32>(sum.rgb / weights * parameters.exposure, sum.a / weights), nearest);
+    return vec4<f32>(sum.rgb / weights * parameters.exposure, sum.a / weights);
 }

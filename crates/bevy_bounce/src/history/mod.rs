@@ -5,8 +5,7 @@
 //! 1. `average` finds each pixel's surface in the last frame ([`MotionVectorPrepass`](bevy::core_pipeline::prepass::MotionVectorPrepass)
 //!    and depth), and averages its light with what was known there, over [`GiSettings::history`](crate::GiSettings::history) frames at most.
 //!    What the last frames say counts less the further it is off this frame's light, and nothing from a few percent on: each frame
-//!    is right on its own but for 2.4 percent where light is even, 4.1 where it is not, and up to 10.4 where it has trembled: turned brighter
-//!    and darker from frame to frame. After Karis 2014, "High-Quality Temporal Supersampling", and
+//!    is right on its own but for 2.4 percent where light is even, 4.1 where it is not. After Karis 2014, "High-Quality Temporal Supersampling", and
 //!    Salvi 2016, "An Excursion in Temporal Supersampling".
 //! 2. `keep` writes the average into the view's light, and keeps it with what each pixel shows.
 //!
@@ -25,7 +24,6 @@
 //! | texture | bytes a pixel | holds |
 //! |---|---|---|
 //! | `light` | 8, with glossy light 16 | light, pre-exposed, and over how many frames it is averaged |
-//! | `trembling`, of two frames | 8, with glossy light 16 | how far light was off what was known, and how much it trembles |
 //! | `surfaces` | 4 | depth and normal: see `history/surfaces.wgsl` |
 //!
 //! The view's `interleaved` texture, free by then, holds what is averaged. Bevy's motion vectors take 4 bytes a pixel more.

@@ -43,8 +43,7 @@ pub(super) fn average(
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), "bounce/history");
     let lights = std::iter::once(&textures.indirect).chain(&textures.glossy);
-    for (i, (light, known)) in lights.zip(&history.light).enumerate() {
-        let (kept, [last_trembling, trembling]) = (&known.light, known.trembling(history.turn()));
+    for (i, (light, kept)) in lights.zip(&history.light).enumerate() {
         let average = [
             view.clone(),
             parameters.clone(),
@@ -54,8 +53,6 @@ pub(super) fn average(
             texture(&history.surfaces),
             texture(light),
             texture(&textures.interleaved),
-            texture(last_trembling),
-            texture(trembling),
         ];
         let keep = [
             texture(&textures.interleaved),

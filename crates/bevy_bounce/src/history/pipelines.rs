@@ -32,8 +32,8 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
         let defs = defs.iter().map(|def| (*def).into()).collect();
         Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs })
     };
-    // View, parameters, surface, motion; light and surfaces of the last frame; light, average; trembling of the last frame and of this.
-    let average = [uniform, uniform, words, floats, floats, words, floats, light, words, seen];
+    // View, parameters, surface, motion; light and surfaces of the last frame; light, average.
+    let average = [uniform, uniform, words, floats, floats, words, floats, light];
     // Average; light, and as it is kept; surface, and as it is kept.
     let keep = [floats, light, light, words, seen];
     commands.insert_resource(HistoryPipelines {

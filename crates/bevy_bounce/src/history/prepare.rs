@@ -17,8 +17,6 @@ use crate::view::{GiView, ViewTextures};
 
 /// Bytes of a texel of light.
 const LIGHT_BYTES: u64 = 8;
-/// Bytes of a texel of how light trembles: of two frames.
-const TREMBLING_BYTES: u64 = 2 * 4;
 /// Bytes of a texel of what pixels show.
 const SURFACE_BYTES: u64 = 4;
 
@@ -54,21 +52,6 @@ impl Frame {
     }
 }
 
-/// Of a light of a view.
-pub(crate) struct Known {
-    /// The average, and over how many frames it is.
-    pub light: TextureView,
-    trembling: [TextureView; 2],
-}
-
-impl Known {
-    /// How light trembled in the last frame and does in this one, whose turn is that.
-    pub fn trembling(&self, turn: bool) -> [&TextureView; 2] {
-        let [a, b] = &self.trembling;
-        if turn { [b, a] } else { [a, b] }
-    }
-}
-
 /// What a view with history holds; kept from frame to frame, made anew when the size changes.
 #[derive(Component)]
 pub(crate) struct History {
@@ -82,12 +65,10 @@ pub(crate) struct History {
     frame: Option<Frame>,
     /// Whether that frame came to an end with its light kept.
     kept: AtomicBool,
-    /// Which of two textures is this frame's.
-    turn: AtomicBool,
     /// What the shaders are told of the last frame.
     pub parameters: UniformBuffer<HistoryParameters>,
     /// Diffuse light, and glossy light where there is any.
-    pub light: Vec<Known>,
+    pub light: Vec<TextureView>,
     /// What the pixels showed.
     pub surfaces: TextureView,
 }
@@ -107,10 +88,7 @@ impl History {
             });
             texture.create_view(&TextureViewDescriptor::default())
         };
-        let light = |_| Known {
-            light: texture("bounce_history_light", TextureFormat::Rgba16Float),
-            trembling: [(); 2].map(|()| texture("bounce_history_trembling", TextureFormat::R32Uint)),
-        };
+        let light = |_| texture("bounce_history_light", TextureFormat::Rgba16Float);
         Self {
             size,
             asked,
@@ -118,7 +96,6 @@ impl History {
             fade: 0,
             frame: None,
             kept: AtomicBool::new(false),
-            turn: AtomicBool::new(false),
             parameters: UniformBuffer::default(),
             light: (0..lights(&asked)).map(light).collect(),
             surfaces: texture("bounce_history_surfaces", TextureFormat::R32Uint),
@@ -162,18 +139,12 @@ impl History {
     /// This frame's light is kept.
     pub fn keep(&self) {
         self.kept.store(true, Ordering::Relaxed);
-        self.turn.fetch_xor(true, Ordering::Relaxed);
-    }
-
-    /// See [`Known::trembling`].
-    pub fn turn(&self) -> bool {
-        self.turn.load(Ordering::Relaxed)
     }
 
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> [(&'static str, u64); 2] {
         let texels = u64::from(self.size.x) * u64::from(self.size.y);
-        let light = texels * (LIGHT_BYTES + TREMBLING_BYTES) * self.light.len() as u64;
+        let light = texels * LIGHT_BYTES * self.light.len() as u64;
         [("history: light", light), ("history: surfaces", texels * SURFACE_BYTES)]
     }
 }

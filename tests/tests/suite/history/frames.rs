@@ -214,10 +214,10 @@ fn nothing_is_held_without_history() {
     let pixels = u64::from(SIZE.x * SIZE.y);
     for (light, bytes) in [
         (illumination(SMALL), 0),
-        (illumination(with_history(SMALL)), 20),
-        (caches, 36),
+        (illumination(with_history(SMALL)), 12),
+        (caches, 20),
         (illumination(GiSettings { history: 1, ..SMALL }), 0),
-        (illumination(with_history(SMALL)), 20),
+        (illumination(with_history(SMALL)), 12),
         (off, 0),
     ] {
         stage.light_by(light.clone());

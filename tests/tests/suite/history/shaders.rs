@@ -109,19 +109,6 @@ fn seen(gbuffer: &GBuffer) -> Resources {
 
 /// What the second frame makes of its light and of the first one's.
 fn average(first: &Frame, second: &Frame, past: &[Vec4], now: &[Vec4], exposure: f32) -> Vec<Vec4> {
-    let quiet = vec![0; SIZE.element_product() as usize];
-    average_trembling(first, second, past, now, exposure, &quiet).0
-}
-
-/// The same where light has trembled, and how it trembles then.
-fn average_trembling(
-    first: &Frame,
-    second: &Frame,
-    past: &[Vec4],
-    now: &[Vec4],
-    exposure: f32,
-    trembling: &[u32],
-) -> (Vec<Vec4>, Vec<u32>) {
     let size = [SIZE.x, SIZE.y, 1];
     let (before, after) = (first.look(), second.look());
     let previous = Frame::clip_from_world(&first.eye());
@@ -152,57 +139,12 @@ fn average_trembling(
         .texture("motion_texture", TextureFormat::Rg16Float, size, false, &motion)
         .texture("past_light", TextureFormat::Rgba16Float, size, false, &half_texels(past))
         .texture("light_texture", TextureFormat::Rgba16Float, size, false, &half_texels(now))
-        .texture("output", TextureFormat::Rgba16Float, size, false, &[])
-        .texture("past_trembling", TextureFormat::R32Uint, size, false, bytemuck::cast_slice(trembling))
-        .texture("trembling", TextureFormat::R32Uint, size, false, &[]);
+        .texture("output", TextureFormat::Rgba16Float, size, false, &[]);
     let groups = [SIZE.x.div_ceil(8), SIZE.y.div_ceil(8), 1];
     run(gpu(), "history/average.wgsl", "average", &resources, groups);
     let bytes = resources.read_texture("output").unwrap_or_else(|error| panic!("{error}"));
     let half = |bytes: &[u8]| f16::from_le_bytes([bytes[0], bytes[1]]).to_f32();
-    let texel = |texel: &[u8]| Vec4::from_array(std::array::from_fn(|c| half(&texel[2 * c..])));
-    let trembling = resources.read_texture("trembling").unwrap_or_else(|error| panic!("{error}"));
-    (bytes.chunks_exact(8).map(texel).collect(), bytemuck::cast_slice(&trembling).to_vec())
-}
-
-/// The light of a pixel over frames in which it is that many times as bright as at first; what was known goes on from frame to frame.
-fn shown(scales: &[f32]) -> Vec<f32> {
-    let gbuffer = FIRST.look();
-    let mut past = lights(&FIRST, &gbuffer, scales[0], 1.0);
-    let mut trembling = vec![0; past.len()];
-    let start = past[PIXELS[0]].x / scales[0];
-    scales
-        .iter()
-        .map(|scale| {
-            let now = lights(&FIRST, &gbuffer, *scale, 1.0);
-            (past, trembling) = average_trembling(&FIRST, &FIRST, &past, &now, 1.0, &trembling);
-            past[PIXELS[0]].x / start
-        })
-        .collect()
-}
-
-/// Light that flickers is calmed and never further off than said; steps and light that goes on growing are not taken for that.
-#[test]
-fn what_trembles_is_calmed() {
-    let mut random = bevy_bounce_tests::twins::random::Random::new(2);
-    let flicker: Vec<f32> = (0..60).map(|_| 1.0 + 0.3 * (random.unit() - 0.5)).collect();
-    let shown_flicker = shown(&flicker);
-    // After some frames in which it learns.
-    let changes = |values: &[f32]| {
-        let changes = values[20..].windows(2).map(|pair| (pair[1] - pair[0]).powi(2));
-        (changes.sum::<f32>() / 39.0).sqrt()
-    };
-    let (raw, calm) = (changes(&flicker), changes(&shown_flicker));
-    let off = flicker.iter().zip(&shown_flicker).map(|(now, shown)| (shown / now - 1.0).abs()).fold(0.0, f32::max);
-    println!("changes of {raw:.3} are {calm:.3}, {off:.3} off at most");
-    assert!(calm < 0.4 * raw && off < 0.115);
-
-    let step: Vec<f32> = [[1.0; 10], [1.2; 10], [0.96; 10]].concat();
-    let growing: Vec<f32> = (0..30).map(|frame| 1.04_f32.powi(frame)).collect();
-    for scales in [step, growing] {
-        let off = scales.iter().zip(shown(&scales)).map(|(now, shown)| (shown / now - 1.0).abs()).fold(0.0, f32::max);
-        println!("{off:.4} off");
-        assert!(off < 0.041, "{off} off light that does not tremble");
-    }
+    bytes.chunks_exact(8).map(|texel| Vec4::from_array(std::array::from_fn(|c| half(&texel[2 * c..])))).collect()
 }
 
 /// Whether the first frame saw that point, and whether no edge was near.
