@@ -6,10 +6,10 @@
 #import bevy_bounce::shared::scene::NONE
 #import bevy_bounce::vpl::types::{Vpl, VplHeader}
 
-@group(0) @binding(5) var<storage, read> header: VplHeader;
-@group(0) @binding(6) var<storage, read> vpls: array<Vpl>;
+@group(0) @binding(3) var<storage, read> header: VplHeader;
+@group(0) @binding(4) var<storage, read> vpls: array<Vpl>;
 // Object and texel, or `NONE`.
-@group(0) @binding(7) var<storage, read_write> eyes: array<vec2<u32>>;
+@group(0) @binding(5) var<storage, read_write> eyes: array<vec2<u32>>;
 
 @compute @workgroup_size(64)
 fn find_eyes(@builtin(global_invocation_id) id: vec3<u32>) {

@@ -14,9 +14,7 @@
 #import bevy_bounce::shared::grid::Grid
 #import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words, pack_texel, error_of}
 #import bevy_bounce::shadow_atlas::types::{Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT}
-#ifdef BAKED
 #import bevy_bounce::shared::scene::NONE
-#endif
 #import bevy_bounce::vpl::types::{Vpl, VplHeader}
 
 @group(0) @binding(0) var<uniform> parameters: AtlasParameters;
@@ -157,16 +155,16 @@ fn first_word(light: u32, texel: u32) -> u32 {
     return atlas[light * tile_words(parameters) + texel];
 }
 
-fn is_known(light: u32, occluder: Occluder) -> bool {
-    return eyes[light].x != NONE && eyes[light].x == occluder.object;
+fn known_object(light: u32) -> u32 {
+    return eyes[light].x;
 }
 #else
 fn first_word(light: u32, texel: u32) -> u32 {
     return TILE_EMPTY;
 }
 
-fn is_known(light: u32, occluder: Occluder) -> bool {
-    return false;
+fn known_object(light: u32) -> u32 {
+    return NONE;
 }
 #endif
 
@@ -184,12 +182,14 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     workgroupBarrier();
     let eye = vpl.position;
     let frame = tile_frame(vpl.normal);
+    let known = known_object(light);
 
     for (var first = 0u; first < parameters.occluder_count; first += GROUP) {
         if first + lane < parameters.occluder_count {
+            let occluder = occluders[first + lane];
             var seen = nothing_seen();
-            if !is_known(light, occluders[first + lane]) {
-                seen = project(occluders[first + lane], eye, frame);
+            if known == NONE || occluder.object != known {
+                seen = project(occluder, eye, frame);
             }
             let size = seen.high - seen.low + 1;
             if size.x > 0 && size.y > 0 {

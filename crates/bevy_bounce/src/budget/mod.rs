@@ -32,11 +32,11 @@
 //! | [`SsbcSettings::solid_angle`](crate::SsbcSettings::solid_angle), `edge_solid_angle` | divided by it |
 //! | [`CssmSettings::error`](crate::CssmSettings::error) | divided by it |
 //!
-//! Bounces between baked texels run one a frame, whatever the share.
-//!
 //! Costs of these are about proportional. All else stays as stated, for its change would be seen: grid, resolutions, iterations, caches,
 //! probes. Where these alone take longer, the share is a sixteenth and the budget is overrun. Memory is held for what is stated, so that
 //! no change allocates anything.
+//!
+//! Bounces between baked texels run one a frame, whatever the share.
 //!
 //! The share is lowered by up to 30 percent every twelve frames while seven frames in a row are above the budget, or where the median of
 //! 63 is; and raised by up to five percent every 68 frames while that is below 82 percent of it. Fewer lights

@@ -12,13 +12,13 @@
 //! | `direct` | texel | lights; cube maps, maps from outside | added to `sources` |
 //! | `leaves`, `pull` | texel; node, level by level | `sources`, `gathered` | `powers` |
 //! | `bounce` | texel | `powers` along its cuts; cube maps, maps from outside | `gathered` |
-//! | `smooth_pixels` | pixel | `gathered` of the texels around it, where these receive the last bounce | the view's `indirect` |
 //! | `pixels` | pixel | the same | the view's `indirect`, and `glossy` where it is asked for |
+//! | or `smooth_pixels` | pixel | `gathered` of the texels around it, where these receive the last bounce | the view's `indirect` |
+//!
+//! All but the last two run only when lights, materials, the objects' places or settings are others than before.
 //!
 //! Where a [budget](crate::GlobalIllumination::budget) asks for it, one `bounce` with its `leaves` and `pull` runs a frame, on `powers` and
-//! `gathered` of its own (48 bytes a texel), which are shown once all bounces are there; what the lamps send is pulled in each frame.
-//!
-//! All but the last run only when lights, materials, the objects' places or settings are others than before.
+//! `gathered` of its own (48 bytes a texel), which are shown once all bounces are there; what the lamps send is pulled when it changes.
 //!
 //! # What hides what
 //!

@@ -24,20 +24,25 @@ use crate::{GiBudget, GiSettings, GlobalIllumination, Technique, VplVisibility};
 /// How much edges of a baked object may change in length by its transform.
 const RIGID: f32 = 1.0e-3;
 
+/// A part of a baked object.
+pub(super) struct Part {
+    pub mesh: Option<Entity>,
+    /// The object's place in [`ExtractedCssm::placed`].
+    pub object: u32,
+}
+
 /// Of this frame.
 #[derive(Resource, Default)]
 pub(super) struct ExtractedCssm {
     /// World from the space of each object, in the order of [`Baked`]; none without objects that are loaded and stand rigidly, or
     /// without a camera that asks.
     pub placed: Vec<Affine3A>,
-    /// The mesh of each part of their bakes, one object after the other.
-    pub parts: Vec<Option<Entity>>,
+    /// Of their bakes, one object after the other.
+    pub parts: Vec<Part>,
     /// Gathers between texels; the last one is that of pixels.
     pub bounces: u32,
     /// How texels gather.
     pub gather: CssmGather,
-    /// The object that each part is of, by its place in `placed`.
-    pub objects_of_parts: Vec<u32>,
     /// Whether bounces between texels follow each other from frame to frame: all cameras that ask for them have a budget.
     pub spread: bool,
     /// Whether texels gather the last bounce, too, for pixels that show them.
@@ -158,7 +163,6 @@ pub(super) fn extract_objects(
     let extracted = &mut *extracted;
     extracted.placed.clear();
     extracted.parts.clear();
-    extracted.objects_of_parts.clear();
     let mut is_stale = false;
     for event in events.read() {
         if let AssetEvent::Modified { id } | AssetEvent::Removed { id } = event {
@@ -193,8 +197,8 @@ pub(super) fn extract_objects(
     let lit: Vec<_> = loaded.iter().zip(&baked.fits).filter(|(_, fits)| **fits).map(|(object, _)| object).collect();
     for (number, object) in (0..).zip(&lit) {
         extracted.placed.push(object.place);
-        objects.parts(object.entity, object.file, &mut extracted.parts);
-        extracted.objects_of_parts.resize(extracted.parts.len(), number);
+        let meshes = objects.meshes(object.entity, object.file);
+        extracted.parts.extend(meshes.into_iter().map(|mesh| Part { mesh, object: number }));
     }
     let hulls: Vec<_> = lit
         .iter()
@@ -237,8 +241,8 @@ impl Objects<'_, '_> {
         self.names.get(entity).map_or_else(|_| entity.to_string(), |name| name.to_string())
     }
 
-    /// Appends the mesh of each part: as [`CssmPart`] says, or by the numbers in the mesh's asset label.
-    fn parts(&self, root: Entity, file: &CssmFile, parts: &mut Vec<Option<Entity>>) {
+    /// The mesh of each part: as [`CssmPart`] says, or by the numbers in the mesh's asset label.
+    fn meshes(&self, root: Entity, file: &CssmFile) -> Vec<Option<Entity>> {
         let mut by_part: HashMap<u32, Entity> = HashMap::default();
         let mut by_label: HashMap<[u32; 2], Entity> = HashMap::default();
         for entity in std::iter::once(root).chain(self.children.iter_descendants(root)) {
@@ -255,9 +259,10 @@ impl Objects<'_, '_> {
                 }
             }
         }
-        parts.extend((0..).zip(file.parts.iter()).map(|(number, part)| {
-            by_part.get(&number).or_else(|| by_label.get(&[part.mesh, part.primitive])).copied()
-        }));
+        let parts = (0..).zip(file.parts.iter());
+        let meshes = parts
+            .map(|(number, part)| by_part.get(&number).or_else(|| by_label.get(&[part.mesh, part.primitive])).copied());
+        meshes.collect()
     }
 }
 

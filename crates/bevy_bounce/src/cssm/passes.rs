@@ -164,8 +164,13 @@ pub(super) fn light_texels(
     }
     let Some(wanted) = baked.wanted.clone().filter(|wanted| wanted.bounces > 0) else { return };
     let device = ctx.render_device().clone();
-    let Some(sources) = Sources::new(&p, baked, &scene, &device, &cache) else { return };
-    let Some(shown) = Bounces::new(&p, baked, &baked.light, &device, &cache) else { return };
+    let afresh = if baked.is_lit() {
+        None
+    } else {
+        let Some(sources) = Sources::new(&p, baked, &scene, &device, &cache) else { return };
+        let Some(shown) = Bounces::new(&p, baked, &baked.light, &device, &cache) else { return };
+        Some((sources, shown))
+    };
     // The last bounce is the pixels' own gather, or one that no texel sends on.
     let between = wanted.bounces - 1;
     let mut next =
@@ -176,13 +181,12 @@ pub(super) fn light_texels(
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/cssm");
-    let has_changed = !baked.is_lit();
-    if has_changed {
+    if let Some((sources, _)) = &afresh {
         sources.light(&p, baked, encoder, &cache);
     }
-    match (&mut next, coming) {
-        (Some(next), Some(coming)) => {
-            if has_changed {
+    match (&mut next, coming, afresh) {
+        (Some(next), Some(coming), afresh) => {
+            if let Some((_, shown)) = afresh {
                 // At once: what the pixels gather is new, with further bounces as they were.
                 shown.pull(&p, baked, encoder, &cache);
                 if wanted.at_texels {
@@ -205,7 +209,7 @@ pub(super) fn light_texels(
                 next.bounces = next.is_late.then_some(0);
             }
         }
-        _ => {
+        (.., Some((_, shown))) => {
             shown.start(&p, baked, &baked.light, encoder, &cache);
             for _ in 0..between {
                 shown.bounce(&p, baked, encoder, &cache);
@@ -214,6 +218,7 @@ pub(super) fn light_texels(
                 shown.gather(&p, baked, encoder, &cache);
             }
         }
+        _ => {}
     }
     span.end(encoder);
     baked.next = next;

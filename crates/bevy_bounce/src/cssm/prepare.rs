@@ -68,7 +68,8 @@ pub(crate) struct Baked {
     pub surfaces: Buffer,
     /// `array<u32>`: instance of each part.
     pub part_instances: Buffer,
-    /// `array<u32>`, by instance: the object that it is part of, or `NONE`. Instances beyond it are of none.
+    /// `array<u32>`, by instance: the object that it is part of, or `NONE`. Instances beyond it are of none. Written where virtual lights
+    /// see by bakes.
     pub instance_objects: Buffer,
     /// Light that is shown.
     pub light: Light,
@@ -135,6 +136,9 @@ pub(crate) struct State {
     pub spread: bool,
     /// Whether texels gather the last one, too.
     pub at_texels: bool,
+    /// Whether virtual lights see by bakes.
+    are_eyes: bool,
+    /// What [`Instances::look`] says of each.
     parts: Vec<[u32; 3]>,
     revision: u64,
 }
@@ -169,19 +173,13 @@ fn filled(device: &RenderDevice, label: &'static str, pieces: &[&[u32]]) -> Buff
     buffer
 }
 
-fn instance_objects(device: &RenderDevice, objects: &[u32]) -> Buffer {
-    filled(device, "bounce_cssm_instances", &[objects])
-}
-
-/// Of each instance the object that it is part of, or `NONE`.
-fn objects_of_instances(instances: impl Iterator<Item = (u32, u32)>) -> Vec<u32> {
-    let mut objects = Vec::new();
+/// Of each instance the object that it is part of, or `NONE`; at least `places` of them.
+fn objects_of_instances(instances: impl Iterator<Item = (u32, u32)>, places: usize) -> Vec<u32> {
+    let mut objects = vec![NONE; places];
     for (slot, object) in instances.filter(|(slot, _)| *slot != NONE) {
         objects.resize(objects.len().max(slot as usize + 1), NONE);
         objects[slot as usize] = object;
     }
-    // An empty buffer reads as zeros.
-    objects.resize(objects.len().max(4), NONE);
     objects
 }
 
@@ -231,7 +229,7 @@ impl Baked {
             tree: filled(device, "bounce_cssm_tree", words.trees.all()),
             surfaces: filled(device, "bounce_cssm_surfaces", &[&shown]),
             part_instances: storage(device, "bounce_cssm_parts", 4 * u64::from(parts)),
-            instance_objects: instance_objects(device, &[NONE; 4]),
+            instance_objects: storage(device, "bounce_cssm_instances", 0),
             light: Light::new(device, lights),
             next: None,
             sources: storage(device, "bounce_cssm_sources", u64::from(lights) * VALUE),
@@ -242,6 +240,20 @@ impl Baked {
             times_lit: 0,
         };
         (baked, too_large)
+    }
+
+    fn write_instances(
+        &mut self,
+        instances: impl Iterator<Item = (u32, u32)>,
+        device: &RenderDevice,
+        queue: &RenderQueue,
+    ) {
+        let objects = objects_of_instances(instances, (self.instance_objects.size() / 4) as usize);
+        let bytes = 4 * objects.len() as u64;
+        if self.instance_objects.size() < bytes {
+            self.instance_objects = storage(device, "bounce_cssm_instances", bytes);
+        }
+        queue.write_buffer(&self.instance_objects, 0, bytemuck::cast_slice(&objects));
     }
 
     /// Whether the texels' light is that of this frame, at least as far as it has bounced.
@@ -324,7 +336,8 @@ pub(super) fn prepare_light(
         bounces: extracted.bounces,
         spread: extracted.spread,
         at_texels: extracted.at_texels,
-        parts: extracted.parts.iter().map(look).collect(),
+        are_eyes: extracted.are_eyes,
+        parts: extracted.parts.iter().map(|part| look(&part.mesh)).collect(),
         revision: scene.light_revision(),
     };
     if baked.wanted.as_ref() != Some(&state) {
@@ -335,8 +348,10 @@ pub(super) fn prepare_light(
         if !state.parts.is_empty() {
             let slots: Vec<u32> = state.parts.iter().map(|[slot, ..]| *slot).collect();
             queue.write_buffer(&baked.part_instances, 0, bytemuck::cast_slice(&slots));
-            let of_parts = slots.into_iter().zip(extracted.objects_of_parts.iter().copied());
-            baked.instance_objects = instance_objects(&device, &objects_of_instances(of_parts));
+        }
+        if state.are_eyes {
+            let objects = state.parts.iter().zip(&extracted.parts).map(|([slot, ..], part)| (*slot, part.object));
+            baked.write_instances(objects, &device, &queue);
         }
         baked.wanted = Some(state);
     }

@@ -39,8 +39,6 @@ impl Eyes {
             whole(&baked.texels),
             bakes.clone(),
             whole(&baked.tree),
-            whole(&baked.light.powers),
-            baked.gather.binding()?,
             whole(&vpl.header),
             whole(&vpl.vpls),
             whole(&atlas.eyes),

@@ -86,8 +86,8 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let place = [read, read, read, read, read, write, read];
     // Parameters, grid; header, occluders; lights, atlas; where there are bakes, eyes.
     let draw = [uniform, uniform, read, read, read, write, read];
-    // Texels, bakes; tree, nodes' light, settings; header, lights; eyes.
-    let find = [read, uniform, read, read, uniform, read, read, write];
+    // Texels, bakes; tree; header, lights; eyes.
+    let find = [read, uniform, read, read, read, write];
     // Texels, bakes; sizes; eyes, lights; atlas.
     let look = [read, uniform, uniform, read, read, write];
     commands.insert_resource(AtlasPipelines {
