@@ -100,7 +100,7 @@ shaders! {
     "cssm/lobe.wgsl" => [],
     "cssm/emit.wgsl" => ["emit"],
     "cssm/direct.wgsl" => ["direct"],
-    "cssm/hierarchy.wgsl" => ["leaves", "pull"],
+    "cssm/hierarchy.wgsl" => ["leaves", "pull", "pull_top"],
     "cssm/bounce.wgsl" => ["bounce"],
     "debug/heat.wgsl" => [],
     "cssm/pixels.wgsl" => ["pixels"],

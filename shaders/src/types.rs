@@ -648,6 +648,22 @@ pub struct CssmBake {
     pub atlas_height: u32,
 }
 
+/// Nodes of the tree over baked objects, at most.
+pub const CSSM_TOP_NODES: usize = 2 * CSSM_OBJECTS - 1;
+
+/// A node of the tree over baked objects: in depth-first order, the first child behind its parent.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct CssmTop {
+    /// Centre of the sphere round the objects' texels, world.
+    pub center: Vec3,
+    /// Its radius, world units.
+    pub radius: f32,
+    /// The next node without what is below this one.
+    pub skip: u32,
+    /// The object that a leaf is, or [`NONE`].
+    pub object: u32,
+}
+
 /// All baked objects.
 #[derive(ShaderType, Clone, Copy, Debug, PartialEq)]
 pub struct CssmBakes {
@@ -661,11 +677,20 @@ pub struct CssmBakes {
     pub padding: u32,
     /// In the order of their places in the arrays of light.
     pub objects: [CssmBake; CSSM_OBJECTS],
+    /// Over them; with one object, that alone.
+    pub top: [CssmTop; CSSM_TOP_NODES],
 }
 
 impl Default for CssmBakes {
     fn default() -> Self {
-        Self { count: 0, lights: 0, page_bits: 0, padding: 0, objects: [CssmBake::default(); CSSM_OBJECTS] }
+        Self {
+            count: 0,
+            lights: 0,
+            page_bits: 0,
+            padding: 0,
+            objects: [CssmBake::default(); CSSM_OBJECTS],
+            top: [CssmTop::default(); CSSM_TOP_NODES],
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 use std::sync::LazyLock;
 
 use bevy::math::{Affine3A, Quat, Vec3};
+use bevy_bounce::cssm::top::with_top;
 use bevy_bounce::cssm::tree::Tree;
 use bevy_bounce::cssm::words::{PAGES, Words};
 use bevy_bounce_bake::scene::Part;
@@ -90,7 +91,7 @@ pub fn resources(gpu: &Gpu, objects: &[(&CssmFile, Affine3A)], page_bits: u32) -
         added.unwrap_or_else(|error| panic!("{error:?}"));
     }
     Resources::new(gpu)
-        .uniform("bakes", &words.table)
+        .uniform("bakes", &with_top(words.table))
         .words("texels", &words.texels.all().concat())
         .words("directory", &words.directory.all().concat())
         .words("blocks_a", &words.page(0).concat())

@@ -61,6 +61,7 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         SsbcParameters,
         HistoryParameters,
         CssmBake,
+        CssmTop,
         CssmBakes,
         CssmGather,
         CssmLevel,

@@ -12,7 +12,8 @@
 //
 // With `SEVERAL` there are several objects; without it the queries that only those need are left out.
 //
-// Each hierarchy is walked in its own object's space: radiance, and area over distance squared, are the same in any.
+// Each hierarchy is walked in its own object's space: radiance, and area over distance squared, are the same in any. The tree over the
+// objects, which is walked first, is in the world's.
 //
 // Cost: a node visited about 50 operations, a node of the cut a query of visibility and a read for each level below it; with several
 // objects, a query more and one for each further object whose sphere is in the way.
@@ -26,6 +27,7 @@
 #import bevy_bounce::shared::sampling::{hash, unit_float, PI}
 #ifdef SEVERAL
 #import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_in_open, sight, Objects, STRAIGHT}
+#import bevy_bounce::cssm::tree::{top_node_count, top_place}
 #import bevy_bounce::shared::scene::NONE
 #endif
 #ifdef GLOSSY
@@ -34,7 +36,7 @@
 
 /// Of each object its nodes, then the texels of the leaves, four at a time.
 @group(0) @binding(2) var<storage, read> tree: array<vec4<u32>>;
-/// Of each node, two for a place of light: sum of radiance times area, and of the area.
+/// Of each node, two for a place of light, then of those over the objects: sum of radiance times area, and of the area.
 @group(0) @binding(3) var<storage, read> powers: array<vec4<f32>>;
 @group(0) @binding(4) var<uniform> settings: CssmGather;
 
@@ -189,19 +191,19 @@ fn brightness(power: vec4<f32>) -> f32 {
     return power.r + power.g + power.b;
 }
 
-// One of the texels below a node, in proportion to what they send, by a number from 0 to 1. Walter et al. 2005, 3.1.
-fn choose_sender(first_power: u32, node: u32, rank: u32, texels: u32, number: f32) -> Sender {
+// One of the texels below a node, in proportion to what they send, by a place from 0 to the node's brightness. Walter et al. 2005, 3.1.
+fn choose_sender(first_power: u32, node: u32, rank: u32, texels: u32, place: f32) -> Sender {
     var sender = Sender(node, rank);
     var left = texels;
-    var place = number * brightness(powers[first_power + node]);
+    var rest = place;
     while left > 1u {
         let half = (left + 1u) / 2u;
         let first = brightness(powers[first_power + sender.node + 1u]);
-        if place < first {
+        if rest < first {
             sender.node += 1u;
             left = half;
         } else {
-            place -= first;
+            rest -= first;
             sender.node += 2u * half;
             sender.rank += half;
             left -= half;
@@ -254,12 +256,36 @@ fn to_local(object: u32, receiver: Receiver) -> Local {
     return local;
 }
 
-fn gather_from(object: u32, receiver: Receiver, seed: u32, turn: u32) -> Gathered {
+// A number from 0 to 1 for a node's light, another one for each receiver.
+fn random(seed: u32, place: u32, turn: u32) -> f32 {
+    return unit_float(hash(seed ^ hash(place)) + turn * GOLDEN_RATIO);
+}
+
+// Adds a power of that brightness, in the colour of the texel that sends it: the one at `place` of the light below a node, from 0 to the
+// node's brightness.
+fn add_sender(
+    result: ptr<function, Gathered>,
+    start: Sender,
+    texels: u32,
+    place: f32,
+    bright: f32,
+    local: Local,
+    receiver: Receiver,
+) {
+    let first_power = 2u * bakes.objects[local.object].first_light;
+    let sender = choose_sender(first_power, start.node, start.rank, texels, place);
+    let sent = powers[first_power + sender.node];
+    // Rounding may lead to one that sends nothing.
+    let color = sent.rgb / max(brightness(sent), 1e-30);
+    add_transfer(result, leaf_texel(local.object, sender.rank), color * bright, local, receiver);
+    (*result).cut += 1u;
+}
+
+fn gather_from(result: ptr<function, Gathered>, object: u32, receiver: Receiver, seed: u32, turn: u32) {
     let local = to_local(object, receiver);
     let first_node = bakes.objects[object].first_node;
     let first_power = 2u * bakes.objects[object].first_light;
     let end = node_count(object);
-    var result = Gathered();
     var index = 0u;
     var rank = 0u;
     while index < end {
@@ -274,32 +300,93 @@ fn gather_from(object: u32, receiver: Receiver, seed: u32, turn: u32) -> Gathere
                 continue;
             }
             if bound > 0.0 {
-                let number = unit_float(hash(seed ^ hash(first_power + index)) + turn * GOLDEN_RATIO);
-                let sender = choose_sender(first_power, index, rank, count, number);
-                let sent = powers[first_power + sender.node];
-                // All of the node's power, in the sender's colour. Rounding may lead to one that sends nothing.
-                let color = sent.rgb / max(brightness(sent), 1e-30);
-                add_transfer(&result, leaf_texel(object, sender.rank), color * brightness(power), local, receiver);
-                result.cut += 1u;
+                let bright = brightness(power);
+                let place = random(seed, first_power + index, turn) * bright;
+                add_sender(result, Sender(index, rank), count, place, bright, local, receiver);
             }
         }
         rank += count;
         index = node.skip;
     }
-    return result;
+}
+
+#ifdef SEVERAL
+fn in_world(receiver: Receiver) -> Local {
+    var local: Local;
+    local.position = receiver.position;
+    local.normal = receiver.normal;
+#ifdef GLOSSY
+    local.lobe = make_lobe(receiver.normal, receiver.view, receiver.roughness, receiver.f_zero);
+#endif
+    return local;
+}
+
+// A node over the objects, which face all ways.
+fn top_node(index: u32) -> Node {
+    var node: Node;
+    node.center = bakes.top[index].center;
+    node.radius = bakes.top[index].radius;
+    node.cosine = -1.0;
+    node.skip = bakes.top[index].skip;
+    return node;
+}
+
+// Adds the light of several objects, sent from a texel of one of them.
+fn add_objects(result: ptr<function, Gathered>, node: u32, receiver: Receiver, number: f32) {
+    let bright = brightness(powers[top_place(node)]);
+    var place = number * bright;
+    var at = node;
+    while bakes.top[at].object == NONE {
+        let first = brightness(powers[top_place(at + 1u)]);
+        if place < first {
+            at += 1u;
+        } else {
+            place -= first;
+            at = bakes.top[at + 1u].skip;
+        }
+    }
+    let object = bakes.top[at].object;
+    let scale = scale_of(object);
+    // Areas of its own space.
+    let area = scale * scale;
+    let texels = bakes.objects[object].texel_count;
+    add_sender(result, Sender(0u, 0u), texels, place / area, bright / area, to_local(object, receiver), receiver);
 }
 
 /// Light from all objects; `seed` is another one for each receiver. From turn to turn other texels send in the name of a node, evenly
 /// spread over what all of them send.
 fn gather(receiver: Receiver, seed: u32, turn: u32) -> Gathered {
+    let local = in_world(receiver);
+    let end = top_node_count();
     var result = Gathered();
-    for (var object = 0u; object < bakes.count; object++) {
-        let part = gather_from(object, receiver, seed, turn);
-        result.light += part.light;
-        result.cut += part.cut;
-#ifdef GLOSSY
-        result.glossy += part.glossy;
-#endif
+    var index = 0u;
+    while index < end {
+        let node = top_node(index);
+        let power = powers[top_place(index)];
+        let most = max(power.r, max(power.g, power.b));
+        if bakes.top[index].object != NONE {
+            gather_from(&result, bakes.top[index].object, receiver, seed, turn);
+        } else if most > 0.0 {
+            let bound = largest_transfer(node, local);
+            if bound * most > settings.threshold {
+                index += 1u;
+                continue;
+            }
+            if bound > 0.0 {
+                add_objects(&result, index, receiver, random(seed, top_place(index), turn));
+            }
+        }
+        index = node.skip;
     }
     return result;
 }
+#else
+/// Light from the object; see the one for several.
+fn gather(receiver: Receiver, seed: u32, turn: u32) -> Gathered {
+    var result = Gathered();
+    if bakes.count > 0u {
+        gather_from(&result, 0u, receiver, seed, turn);
+    }
+    return result;
+}
+#endif

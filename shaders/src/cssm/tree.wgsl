@@ -1,5 +1,6 @@
 // Nodes of the hierarchies over baked objects' texels, as crate bevy_bounce packs them (`cssm::tree`): 128 bits each, in
-// depth-first order, the first child behind its parent. A node halves its texels, the first half the larger one.
+// depth-first order, the first child behind its parent. A node halves its texels, the first half the larger one. Nodes over the objects
+// (`cssm::top`) are in the same order.
 
 #define_import_path bevy_bounce::cssm::tree
 
@@ -34,6 +35,16 @@ fn unpack_node(object: u32, words: vec4<u32>) -> Node {
 /// Nodes of an object's tree.
 fn node_count(object: u32) -> u32 {
     return 2u * bakes.objects[object].texel_count - 1u;
+}
+
+/// Nodes over the objects.
+fn top_node_count() -> u32 {
+    return 2u * bakes.count - 1u;
+}
+
+/// Where the light of a node over the objects is, among that of all nodes.
+fn top_place(node: u32) -> u32 {
+    return 2u * bakes.lights + node;
 }
 
 /// Where the leaf of that rank is among an object's nodes.

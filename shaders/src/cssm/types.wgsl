@@ -34,6 +34,14 @@ struct CssmBake {
 }
 
 const CSSM_OBJECTS: u32 = 64u;
+const CSSM_TOP_NODES: u32 = 127u;
+
+struct CssmTop {
+    center: vec3<f32>,
+    radius: f32,
+    skip: u32,
+    object: u32,
+}
 
 struct CssmBakes {
     count: u32,
@@ -41,6 +49,7 @@ struct CssmBakes {
     page_bits: u32,
     padding: u32,
     objects: array<CssmBake, CSSM_OBJECTS>,
+    top: array<CssmTop, CSSM_TOP_NODES>,
 }
 
 struct CssmGather {

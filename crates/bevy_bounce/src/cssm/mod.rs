@@ -4,13 +4,13 @@
 //! The texels of rigid objects' atlases are small lamps that know what they see of their object. They are lit by emission and
 //! direct light, then light each other, bounce after bounce; last, every pixel gathers from them. Light from far away or from
 //! little is taken together: sums go over cuts through hierarchies of texels, one for each object, in the object's own space, so
-//! that objects move and nothing is built anew.
+//! that objects move and nothing is built anew but the [tree over them](top).
 //!
 //! | kernel | for each | from | to |
 //! |---|---|---|---|
 //! | `emit` | texel | material and texture of its triangle | `sources` |
 //! | `direct` | texel | lights; cube maps, maps from outside | added to `sources` |
-//! | `leaves`, `pull` | texel; node, level by level | `sources`, `gathered` | `powers` |
+//! | `leaves`, `pull`, `pull_top` | texel; node, level by level; node over the objects | `sources`, `gathered` | `powers` |
 //! | `bounce` | texel | `powers` along its cuts; cube maps, maps from outside | `gathered` |
 //! | `pixels` | pixel | the same | the view's `indirect`, and `glossy` where it is asked for |
 //! | or `smooth_pixels` | pixel | `gathered` of the texels around it, where these receive the last bounce | the view's `indirect` |
@@ -45,12 +45,12 @@
 //! | `sources`, `gathered` | 16 a texel each | radiance without bounces, share reflected at the surface; irradiance over pi by bounces, nodes of the cuts |
 //! | `surfaces` | 12 a texel | which triangle each texel shows |
 //! | `kept` | 16 a pixel, 32 with glossy light, where light is averaged | mean light of a pixel that rests, what it shows |
-//! | `bakes` | 14 KiB | where each object stands, and where its words are |
+//! | `bakes` | 18 KiB | where each object stands, where its words are, and the tree over the objects |
 //!
 //! # Cost
 //!
 //! Nodes of the cuts times receivers: pixels, and texels for each bounce but one. A cut has at least as many nodes as
-//! the receiver's light has steps of [`CssmSettings::error`], and at least one of each object. With several objects a node of the cut
+//! the receiver's light has steps of [`CssmSettings::error`], and at least one. With several objects a node of the cut
 //! costs a second query, and one for each further object whose sphere is in the way. Glossy light refines what is mirrored.
 //! Memory is that of the files and a hundred bytes a texel.
 //!
@@ -80,6 +80,7 @@ mod pixels;
 mod prepare;
 mod settings;
 mod surfaces;
+pub mod top;
 pub mod tree;
 pub mod words;
 

@@ -121,6 +121,9 @@ impl Bounces {
         for (level, group) in self.hierarchy.iter().enumerate().rev() {
             p.pull.dispatch(encoder, cache, &[group], folded(baked.row(level as u32).div_ceil(GROUP)));
         }
+        if let Some(group) = self.hierarchy.first().filter(|_| baked.count() > 1) {
+            p.pull_top.dispatch(encoder, cache, &[group], folded((2 * baked.count() - 1).div_ceil(GROUP)));
+        }
     }
 
     /// The light of texels that have nothing of each other yet.

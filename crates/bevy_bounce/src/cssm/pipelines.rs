@@ -21,6 +21,7 @@ pub(super) struct CssmPipelines {
     pub direct: Kernel,
     pub leaves: Kernel,
     pub pull: Kernel,
+    pub pull_top: Kernel,
     one: GatherKernels,
     several: GatherKernels,
 }
@@ -44,7 +45,9 @@ impl CssmPipelines {
     /// Whether all that light the texels of that many objects are compiled.
     pub fn are_ready(&self, objects: u32, cache: &PipelineCache) -> bool {
         let bounce = &self.gather(objects).bounce;
-        [&self.emit, &self.direct, &self.leaves, &self.pull, bounce].iter().all(|kernel| kernel.is_ready(cache))
+        [&self.emit, &self.direct, &self.leaves, &self.pull, &self.pull_top, bounce]
+            .iter()
+            .all(|kernel| kernel.is_ready(cache))
     }
 }
 
@@ -122,6 +125,7 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
         direct: kernel("cssm/direct.wgsl", "direct", &direct, &maps),
         leaves: kernel("cssm/hierarchy.wgsl", "leaves", &hierarchy, &[]),
         pull: kernel("cssm/hierarchy.wgsl", "pull", &hierarchy, &[]),
+        pull_top: kernel("cssm/hierarchy.wgsl", "pull_top", &hierarchy, &[]),
         one: gather(&[]),
         several: gather(&["SEVERAL"]),
     });

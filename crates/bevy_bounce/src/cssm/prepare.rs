@@ -8,11 +8,12 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_cssm::{CssmAsset, CssmFile};
-use bevy_bounce_shaders::types::{CssmBakes, CssmGather, CssmLevel, CssmSurface, NONE};
+use bevy_bounce_shaders::types::{CSSM_TOP_NODES, CssmBakes, CssmGather, CssmLevel, CssmSurface, NONE};
 
 use super::hull::Hull;
 use super::object::ExtractedCssm;
 use super::surfaces::surfaces;
+use super::top::with_top;
 use super::tree::Tree;
 use super::words::{PAGE_BITS, PAGES, TooLarge, Words, placed};
 use crate::scene::{Instances, SceneBuffers};
@@ -89,7 +90,8 @@ pub(crate) struct Baked {
 
 /// Light of the texels and of their hierarchies.
 pub(crate) struct Light {
-    /// `array<vec4<f32>>`, two by place of light, of each object its nodes: radiance times area, area.
+    /// `array<vec4<f32>>`, two by place of light, of each object its nodes, then those of the tree over the objects: radiance times area,
+    /// area.
     pub powers: Buffer,
     /// `array<vec4<f32>>`, by place of light: irradiance over pi, nodes of the cuts.
     pub gathered: Buffer,
@@ -99,7 +101,7 @@ impl Light {
     fn new(device: &RenderDevice, lights: u32) -> Self {
         let bytes = u64::from(lights) * VALUE;
         Self {
-            powers: storage(device, "bounce_cssm_powers", 2 * bytes),
+            powers: storage(device, "bounce_cssm_powers", 2 * bytes + CSSM_TOP_NODES as u64 * VALUE),
             gathered: storage(device, "bounce_cssm_gathered", bytes),
         }
     }
@@ -329,6 +331,7 @@ pub(super) fn prepare_light(
     for (bake, place) in bakes.objects.iter_mut().zip(&extracted.placed) {
         *bake = placed(*bake, *place);
     }
+    let bakes = with_top(bakes);
     let look = |entity: &Option<Entity>| entity.and_then(|entity| instances.look(entity)).unwrap_or([NONE; 3]);
     let state = State {
         bakes,

@@ -3,7 +3,7 @@
 use bevy::math::Affine3A;
 use bevy::prelude::*;
 use bevy_bounce_cssm::{CssmFile, Meta, TEXEL_WORDS};
-use bevy_bounce_shaders::types::{CSSM_OBJECTS, CssmBake, CssmBakes};
+use bevy_bounce_shaders::types::{CSSM_OBJECTS, CSSM_TOP_NODES, CssmBake, CssmBakes};
 
 use super::tree::Tree;
 
@@ -13,6 +13,8 @@ pub const PAGES: usize = 3;
 pub const PAGE_BITS: u32 = 25;
 /// Words of light that a texel has in the largest of its arrays: two nodes.
 const LIGHT_WORDS: usize = 8;
+/// Words in it of the tree over the objects.
+const TOP_WORDS: usize = 4 * CSSM_TOP_NODES;
 
 /// What does not fit the GPU.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -131,7 +133,7 @@ impl<'a> Words<'a> {
     /// Appends an object of a bake, if there is room for its light.
     pub fn object(&mut self, bake: CssmBake, world_from_object: Affine3A) -> Result<(), TooLarge> {
         let lights = self.table.lights + bake.texel_count;
-        let (words, limit) = (LIGHT_WORDS * lights as usize, 1 << self.table.page_bits);
+        let (words, limit) = (LIGHT_WORDS * lights as usize + TOP_WORDS, 1 << self.table.page_bits);
         if words > limit {
             return Err(TooLarge { section: "light", words, limit });
         }

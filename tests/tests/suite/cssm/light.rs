@@ -5,7 +5,7 @@ use bevy_bounce::cssm::tree::Tree;
 use bevy_bounce::cssm::words::PAGE_BITS;
 use bevy_bounce_cssm::{CssmFile, Texel};
 use bevy_bounce_shaders::types::{
-    CssmGather, CssmLevel, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPOT, Light, Scene,
+    CSSM_TOP_NODES, CssmGather, CssmLevel, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPOT, Light, Scene,
 };
 use bevy_bounce_tests::baked::{cornell_box, resources, small_block, small_cornell_box};
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -72,7 +72,7 @@ fn with_light(objects: &[(&CssmFile, Affine3A)], sent: &[Vec3], threshold: f32) 
     let mut resources = resources(gpu(), objects, PAGE_BITS)
         .floats("sources", &values(sent))
         .zeroed("gathered", 4 * sent.len())
-        .zeroed("powers", 8 * sent.len())
+        .zeroed("powers", 8 * sent.len() + 4 * CSSM_TOP_NODES)
         .uniform("settings", &CssmGather { threshold, ..CssmGather::default() })
         .uniform("level", &CssmLevel { level: 0 });
     run(gpu(), "cssm/hierarchy.wgsl", "leaves", &resources, [sent.len().div_ceil(64) as u32, 1, 1]);
@@ -81,6 +81,7 @@ fn with_light(objects: &[(&CssmFile, Affine3A)], sent: &[Vec3], threshold: f32) 
         let rows = levels.iter().filter(|levels| level < **levels).count() as u32;
         run(gpu(), "cssm/hierarchy.wgsl", "pull", &resources, [(rows << level).div_ceil(64), 1, 1]);
     }
+    run(gpu(), "cssm/hierarchy.wgsl", "pull_top", &resources, [(2 * objects.len() as u32 - 1).div_ceil(64), 1, 1]);
     resources
 }
 
@@ -277,4 +278,49 @@ fn objects_light_and_hide_each_other() {
     println!("{checked} texels, {off} off; {alone_off} of the room differ from the room alone");
     assert!(off * 50 <= checked, "{off} of {checked} texels are off");
     assert!(alone_off * 5 > checked, "the blocks have no effect");
+}
+
+/// A swarm of blocks far before the open side, of two sizes, lights a dark room: several of them may send as one.
+#[test]
+fn far_objects_are_taken_together() {
+    // With many more of them, Mesa's software rasteriser ends the loops of threads that gather from every texel.
+    const BLOCKS: usize = 16;
+    let (room, block) = (cornell_box(), small_block());
+    let (low, high) = (Vec3::from(room.meta.bounds_min), Vec3::from(room.meta.bounds_max));
+    let size = high - low;
+    let texels_of_room = texels(room);
+    let place = |number: usize| {
+        let at = number as f32;
+        let spread = Vec3::new((at * 7.3).sin(), (at * 3.1).cos(), 3.0 + (at * 1.7).sin());
+        let scale = Vec3::splat(if number.is_multiple_of(2) { 1.0 } else { 0.4 });
+        let turn = bevy::math::Quat::from_rotation_y(at);
+        Affine3A::from_scale_rotation_translation(scale, turn, low + size * (Vec3::splat(0.5) + 4.0 * spread))
+    };
+    let mut placed = vec![(room, Affine3A::IDENTITY)];
+    placed.extend((0..BLOCKS).map(|number| (block, place(number))));
+    let mut sent = vec![Vec3::ZERO; texels_of_room.len()];
+    for number in 0..BLOCKS {
+        let dim = if number.is_multiple_of(3) { 0.1 } else { 1.0 };
+        sent.extend(radiance(&texels(block)).iter().map(|light| dim * *light));
+    }
+    let groups = [sent.len().div_ceil(64) as u32, 1, 1];
+    let gathered = |threshold: f32| {
+        let lit = with_light(&placed, &sent, threshold);
+        run_with(gpu(), "cssm/bounce.wgsl", "bounce", &["SEVERAL"], &lit, groups);
+        let floats = lit.read_floats("gathered").expect("reads back");
+        let (mut light, mut cut) = (0.0, 0.0);
+        for (texel, [r, g, b, nodes]) in texels_of_room.iter().zip(floats.as_chunks().0) {
+            light += f64::from(texel.area) * f64::from(r + g + b);
+            cut += f64::from(*nodes) / texels_of_room.len() as f64;
+        }
+        [light, cut]
+    };
+    let [exact, all] = gathered(0.0);
+    let mean = exact / texels_of_room.iter().map(|texel| f64::from(texel.area)).sum::<f64>() / 3.0;
+    for (share, most) in [(0.1, 0.5 * all), (1.0, 0.1 * all), (10.0, 0.5 * BLOCKS as f64)] {
+        let [light, cut] = gathered((share * mean) as f32);
+        println!("threshold {share} of the mean: {:.4} of the light, cuts of {cut:.1} of {all:.0}", light / exact);
+        assert!((light / exact - 1.0).abs() < 0.03, "{} of the light", light / exact);
+        assert!(cut > 0.0 && cut < most, "{cut} nodes");
+    }
 }
