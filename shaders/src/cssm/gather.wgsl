@@ -212,8 +212,32 @@ fn choose_sender(first_power: u32, node: u32, rank: u32, texels: u32, place: f32
     return sender;
 }
 
+#ifdef GLOSSY
+// Steps of a sequence that covers a square evenly, of 2^32. Roberts 2018, "The Unreasonable Effectiveness of Quasirandom Sequences".
+const EVEN_STEPS: vec2<u32> = vec2<u32>(0xc13fa9a9u, 0x91e10da5u);
+
+// A place of a texel, from its middle. Section 4.5 of the paper; in the first turn the middle.
+fn jitter(texel: Texel, turn: u32, seed: u32) -> vec3<f32> {
+    if turn == 0u {
+        return vec3<f32>(0.0);
+    }
+    let start = vec2<u32>(hash(seed), hash(~seed)) + turn * EVEN_STEPS;
+    let place = 2.0 * vec2<f32>(unit_float(start.x), unit_float(start.y)) - 1.0;
+    let across = half_side(texel.normal, texel.area);
+    return place.x * across + place.y * cross(texel.normal, across);
+}
+#endif
+
 // Adds light from a texel that sends that power, its own and that of those it stands for.
-fn add_transfer(result: ptr<function, Gathered>, index: u32, power: vec3<f32>, local: Local, receiver: Receiver) {
+fn add_transfer(
+    result: ptr<function, Gathered>,
+    index: u32,
+    power: vec3<f32>,
+    local: Local,
+    receiver: Receiver,
+    seed: u32,
+    turn: u32,
+) {
     let texel = load_texel(local.object, index);
     let way = texel.position - local.position;
     let square = dot(way, way);
@@ -233,9 +257,12 @@ fn add_transfer(result: ptr<function, Gathered>, index: u32, power: vec3<f32>, l
     let radiance = power * (shared_view(texel, local, receiver) / texel.area);
     (*result).light += radiance * form_factor;
 #ifdef GLOSSY
-    let distance = sqrt(square);
-    let solid_angle = PI * disc * distance;
-    (*result).glossy += radiance * (solid_angle * lobe_weight(local.lobe, way / distance, solid_angle));
+    let solid_angle = PI * disc * sqrt(square);
+    let direction = normalize(way + jitter(texel, turn, seed ^ hash(index)));
+    // Of the mean of many frames variance and bias vanish together. Knaus and Zwicker 2011, "Progressive Photon Mapping: A Probabilistic
+    // Approach", with alpha at 2/3.
+    let spread = solid_angle / pow(f32(turn + 1u), 1.0 / 3.0);
+    (*result).glossy += radiance * (solid_angle * lobe_weight(local.lobe, direction, spread));
 #endif
 }
 
@@ -271,13 +298,15 @@ fn add_sender(
     bright: f32,
     local: Local,
     receiver: Receiver,
+    seed: u32,
+    turn: u32,
 ) {
     let first_power = 2u * bakes.objects[local.object].first_light;
     let sender = choose_sender(first_power, start.node, start.rank, texels, place);
     let sent = powers[first_power + sender.node];
     // Rounding may lead to one that sends nothing.
     let color = sent.rgb / max(brightness(sent), 1e-30);
-    add_transfer(result, leaf_texel(local.object, sender.rank), color * bright, local, receiver);
+    add_transfer(result, leaf_texel(local.object, sender.rank), color * bright, local, receiver, seed, turn);
     (*result).cut += 1u;
 }
 
@@ -302,7 +331,7 @@ fn gather_from(result: ptr<function, Gathered>, object: u32, receiver: Receiver,
             if bound > 0.0 {
                 let bright = brightness(power);
                 let place = random(seed, first_power + index, turn) * bright;
-                add_sender(result, Sender(index, rank), count, place, bright, local, receiver);
+                add_sender(result, Sender(index, rank), count, place, bright, local, receiver, seed, turn);
             }
         }
         rank += count;
@@ -332,9 +361,9 @@ fn top_node(index: u32) -> Node {
 }
 
 // Adds the light of several objects, sent from a texel of one of them.
-fn add_objects(result: ptr<function, Gathered>, node: u32, receiver: Receiver, number: f32) {
+fn add_objects(result: ptr<function, Gathered>, node: u32, receiver: Receiver, seed: u32, turn: u32) {
     let bright = brightness(powers[top_place(node)]);
-    var place = number * bright;
+    var place = random(seed, top_place(node), turn) * bright;
     var at = node;
     while bakes.top[at].object == NONE {
         let first = brightness(powers[top_place(at + 1u)]);
@@ -350,7 +379,8 @@ fn add_objects(result: ptr<function, Gathered>, node: u32, receiver: Receiver, n
     // Areas of its own space.
     let area = scale * scale;
     let texels = bakes.objects[object].texel_count;
-    add_sender(result, Sender(0u, 0u), texels, place / area, bright / area, to_local(object, receiver), receiver);
+    let local = to_local(object, receiver);
+    add_sender(result, Sender(0u, 0u), texels, place / area, bright / area, local, receiver, seed, turn);
 }
 
 /// Light from all objects; `seed` is another one for each receiver. From turn to turn other texels send in the name of a node, evenly
@@ -373,7 +403,7 @@ fn gather(receiver: Receiver, seed: u32, turn: u32) -> Gathered {
                 continue;
             }
             if bound > 0.0 {
-                add_objects(&result, index, receiver, random(seed, top_place(index), turn));
+                add_objects(&result, index, receiver, seed, turn);
             }
         }
         index = node.skip;

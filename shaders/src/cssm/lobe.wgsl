@@ -1,7 +1,8 @@
 // What a glossy pixel sends towards the eye: the lobe of GGX with Smith's shadowing (Walter et al. 2007; Heitz 2014), divided by
 // what of constant light it sends, so that the picture's split sum multiplies by that once more.
 //
-// A sender is a patch, not a point: by its solid angle the lobe is widened, and neighbouring texels flow together.
+// A sender is a patch, not a point: by its solid angle the lobe is widened, and neighbouring texels flow together. Where a pixel has the
+// mean of several frames, each looks at another place of the patch, and there is the less to widen the more there are.
 
 #define_import_path bevy_bounce::cssm::lobe
 

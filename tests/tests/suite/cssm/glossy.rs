@@ -1,10 +1,13 @@
 //! Metal and polish that reflect baked texels.
 
+use std::time::Duration;
+
 use bevy::prelude::*;
 use bevy_bounce::{CssmSettings, GiSettings, GlobalIllumination, Quality, Technique};
-use bevy_bounce_tests::baked::{cornell_box, glossy_box};
+use bevy_bounce_cssm::CssmFile;
+use bevy_bounce_tests::baked::{cornell_box, glossy_box, small_cornell_box};
 use bevy_bounce_tests::balls::ball_ratios;
-use bevy_bounce_tests::metrics::{Bounds, compare};
+use bevy_bounce_tests::metrics::{Bounds, Metrics, compare};
 use bevy_bounce_tests::picture::Picture;
 use bevy_bounce_tests::references::committed_file;
 use bevy_bounce_tests::stage::{SMALL, Stage, run};
@@ -59,6 +62,37 @@ fn each_glossy_ball_equals_its_reference() {
     let ratios = ball_ratios(&balls().1, &reference());
     let wrong: Vec<_> = ratios.iter().filter(|ball| (ball.ratio - 1.0).abs() > 0.12).collect();
     assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// While a picture rests, a smooth ball mirrors coarse texels more like fine ones.
+#[test]
+fn mirrors_sharpen_while_everything_rests() {
+    let mirrored = |bake: &CssmFile, history: u32| {
+        let settings = GiSettings {
+            bounces: 2,
+            cssm: CssmSettings { error: 1.0, glossy: true, ..CssmSettings::DEFAULT },
+            history,
+            ..SMALL
+        };
+        let quality = Quality::Custom(settings);
+        let illumination = GlobalIllumination { technique: Technique::SurfaceRadiosity, quality, ..default() };
+        let run = run(UVec2::new(64, 36), Some(illumination));
+        let mut stage = Stage::of_asset("cornell_box.glb", run, true, Some(bake.clone()));
+        let world = stage.world();
+        let mesh = world.resource_mut::<Assets<Mesh>>().add(Sphere::new(0.7).mesh().uv(64, 32));
+        let paint =
+            StandardMaterial { base_color: Color::WHITE, metallic: 1.0, perceptual_roughness: 0.1, ..default() };
+        let paint = world.resource_mut::<Assets<StandardMaterial>>().add(paint);
+        world.spawn((Mesh3d(mesh), MeshMaterial3d(paint), Transform::from_xyz(0.0, 0.9, 1.2)));
+        (0..if history > 0 { 24 } else { 0 }).for_each(|_| stage.frame(Duration::ZERO));
+        stage.settled_picture()
+    };
+    let fine = mirrored(cornell_box(), 0);
+    let [one, mean] = [0, 8].map(|history| Metrics::new(&mirrored(small_cornell_box(), history), &fine));
+    let (one, mean) = (one.expect("sizes are equal"), mean.expect("sizes are equal"));
+    println!("one frame {one:?}, many {mean:?}");
+    assert!(mean.nrmse < 0.95 * one.nrmse, "{mean:?} is no sharper than {one:?}");
+    assert!((mean.energy / one.energy - 1.0).abs() < 0.01, "{mean:?} has not the light of {one:?}");
 }
 
 /// A closed box that emits and reflects nothing, with a ball of white metal in it: what it mirrors is the same from everywhere, and so is
