@@ -64,11 +64,13 @@
 //! A node of the cut sends from one of its texels, chosen in proportion to what they send: no light is lost, however coarse the cut; what a
 //! larger error costs is noise from pixel to pixel and texel to texel. With [history](crate::GiSettings::history) other texels send in each
 //! frame while the camera, the objects and the light rest, and a pixel shows the mean of up to 64 frames, after which it costs a load.
+//! Where a texel is near, its light is that of a square in closed form; of what mirrors it, each of these frames looks at another place of
+//! it, in a lobe that is widened the less the more frames there are (section 4.5). What hides it is asked from its middle.
 //!
 //! Mesa's software rasteriser ends the loops of a thread after 65,535 rounds, two to four of which are a node's: beyond some 16,000
 //! nodes that a single receiver visits it leaves light out. Errors of a fraction of a step over large atlases come to that.
 //!
-//! Glossy light is that of the lit texels, as sharp as those are fine. What is metal or polished lights others, and is mirrored, by its base
+//! Glossy light is that of the lit texels; in a single frame it is as sharp as those are fine. What is metal or polished lights others, and is mirrored, by its base
 //! colour and by what it reflects at its surface before that, as if it were matt.
 
 mod display;
