@@ -2,10 +2,11 @@
 
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::{RenderTarget, ScalingMode, Viewport};
+use bevy::light::Skybox;
 use bevy::mesh::PrimitiveTopology;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureUsages};
-use bevy_bounce::{CssmObject, GiLight, GlobalIllumination, VoxelizedMesh};
+use bevy_bounce::{CssmObject, GiLight, GlobalIllumination, VoxelizedGroup, VoxelizedMesh};
 use bevy_bounce_cssm::CssmAsset;
 use bevy_bounce_tests::baked::small_cornell_box;
 use fastrand::Rng;
@@ -44,6 +45,11 @@ pub const ACTIONS: &[(&str, Action)] = &[
     ("voxelized mesh", voxelized_mesh),
     ("gi light", gi_light),
     ("baked object", baked_object),
+    ("group", group),
+    ("group", group),
+    ("sky", sky),
+    ("skybox", skybox),
+    ("drop sky asset", drop_sky_asset),
     ("settings", settings),
     ("settings", settings),
     ("isolate", look_at),
@@ -337,6 +343,51 @@ fn baked_object(soak: &mut Soak) {
         let file = small_cornell_box().clone();
         let bake = world.resource_mut::<Assets<CssmAsset>>().add(CssmAsset { file });
         world.entity_mut(entity).insert(CssmObject { bake });
+    }
+}
+
+/// The mesh and those below it have a grid of their own, and no longer.
+fn group(soak: &mut Soak) {
+    let Some(entity) = some(&mut soak.random, &soak.meshes) else { return };
+    let (resolution, remove) = (soak.random.u32(0..40), soak.random.u32(0..3) == 0);
+    let mut mesh = soak.stage.world().entity_mut(entity);
+    match remove {
+        true => mesh.remove::<VoxelizedGroup>(),
+        false => mesh.insert(VoxelizedGroup { resolution }),
+    };
+}
+
+/// An even sky that lights, for a camera, or none.
+fn sky(soak: &mut Soak) {
+    let (camera, color) = (camera(soak), color(&mut soak.random));
+    let (intensity, remove) = (2000.0 * soak.random.f32(), soak.random.u32(0..3) == 0);
+    let world = soak.stage.world();
+    if remove {
+        world.entity_mut(camera).remove::<EnvironmentMapLight>();
+        return;
+    }
+    let even = EnvironmentMapLight::solid_color(&mut world.resource_mut::<Assets<Image>>(), color);
+    world.entity_mut(camera).insert(EnvironmentMapLight { intensity, ..even });
+}
+
+/// One that is seen.
+fn skybox(soak: &mut Soak) {
+    let (camera, color) = (camera(soak), color(&mut soak.random));
+    let (brightness, remove) = (2000.0 * soak.random.f32(), soak.random.u32(0..3) == 0);
+    let world = soak.stage.world();
+    if remove {
+        world.entity_mut(camera).remove::<Skybox>();
+        return;
+    }
+    let even = EnvironmentMapLight::solid_color(&mut world.resource_mut::<Assets<Image>>(), color);
+    world.entity_mut(camera).insert(Skybox { image: Some(even.specular_map), brightness, ..default() });
+}
+
+fn drop_sky_asset(soak: &mut Soak) {
+    let camera = camera(soak);
+    let world = soak.stage.world();
+    if let Some(map) = world.get::<EnvironmentMapLight>(camera).map(|sky| sky.specular_map.clone()) {
+        world.resource_mut::<Assets<Image>>().remove(&map);
     }
 }
 
