@@ -5,7 +5,7 @@
 #import bevy_bounce::shared::groups::{folded_index, exclusive_scan, scan_total}
 #import bevy_bounce::shared::grid::{
     Grid, Cell, voxel_count, voxel_facings, pack_bounds, CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, COUNTER_CELLS,
-    COUNTER_OVERFLOW, COUNTER_AREA, COUNTER_FINEST,
+    COUNTER_OVERFLOW, COUNTER_AREA, COUNTER_AREA_STEPS, COUNTER_FINEST,
 }
 #import bevy_bounce::shared::octahedral::encode_unit
 
@@ -113,7 +113,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         let high = vec3<f32>(vec3<i32>(sums[o + 13u], sums[o + 14u], sums[o + 15u])) / BOUND_ONE;
         mean.bounds = pack_bounds(low, high);
         if cell < atomicLoad(&counters[COUNTER_FINEST]) {
-            atomicAdd(&counters[COUNTER_AREA], u32(round(area * 256.0)));
+            atomicAdd(&counters[COUNTER_AREA], u32(round(area * COUNTER_AREA_STEPS)));
         }
     }
     cells[cell] = mean;

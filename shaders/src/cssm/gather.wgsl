@@ -394,16 +394,17 @@ fn gather(receiver: Receiver, seed: u32, turn: u32) -> Gathered {
         let node = top_node(index);
         let power = powers[top_place(index)];
         let most = max(power.r, max(power.g, power.b));
-        if bakes.top[index].object != NONE {
-            gather_from(&result, bakes.top[index].object, receiver, seed, turn);
-        } else if most > 0.0 {
+        if most > 0.0 {
             let bound = largest_transfer(node, local);
-            if bound * most > settings.threshold {
+            let object = bakes.top[index].object;
+            if object == NONE && bound * most > settings.threshold {
                 index += 1u;
                 continue;
             }
-            if bound > 0.0 {
+            if bound > 0.0 && object == NONE {
                 add_objects(&result, index, receiver, seed, turn);
+            } else if bound > 0.0 {
+                gather_from(&result, object, receiver, seed, turn);
             }
         }
         index = node.skip;

@@ -22,7 +22,7 @@
 @group(0) @binding(6) var surface_texture: texture_2d<u32>;
 @group(0) @binding(7) var output: texture_storage_2d<rgba16float, write>;
 // Of each texel: irradiance over pi, cd/m^2; nodes of its cuts.
-@group(0) @binding(8) var<storage, read> gathered: array<vec4<f32>>;
+@group(0) @binding(8) var<storage, read> received: array<vec4<f32>>;
 
 /// How far a texel reaches, in its sides.
 const SUPPORT: f32 = 2.0;
@@ -72,7 +72,7 @@ fn smooth_from(object: u32, surface: Surface) -> vec4<f32> {
             if facing > SAME_FACING && abs(above) < OFF_PLANE * side {
                 let along = sqrt(max(dot(offset, offset) - above * above, 0.0));
                 let weight = b_spline(along / side) * (facing - SAME_FACING);
-                sum += vec4<f32>(gathered[(*bake).first_light + leaf].rgb, 1.0) * weight;
+                sum += vec4<f32>(received[(*bake).first_light + leaf].rgb, 1.0) * weight;
             }
         }
         rank += count;

@@ -10,7 +10,7 @@
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS}
 #import bevy_bounce::interleaved::surface::Surface
 #ifdef VISIBILITY_VOXEL
-#import bevy_bounce::shared::rays::{grid, trace, to_grid, Ray}
+#import bevy_bounce::shared::rays::{grid, is_blocked, to_grid, Ray}
 #endif
 #ifdef SKY
 #import bevy_bounce::interleaved::sky::{sky_light, open_sky}
@@ -35,7 +35,7 @@ fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
     ray.start_normal = vpl.normal;
     ray.end_normal = surface.normal;
     ray.gap = SURFACE_GAP;
-    return !trace(ray).found;
+    return !is_blocked(ray);
 }
 #else ifdef VISIBILITY_ATLAS
 fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {

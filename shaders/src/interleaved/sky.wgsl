@@ -4,7 +4,7 @@
 
 #define_import_path bevy_bounce::interleaved::sky
 
-#import bevy_bounce::shared::rays::{trace, to_grid, Ray}
+#import bevy_bounce::shared::rays::{is_blocked, to_grid, Ray}
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::{Light, Scene}
 #import bevy_bounce::vpl::types::luminance
@@ -67,7 +67,7 @@ fn sky_light(
         let light = lights[scene.light_count + i];
         ray.direction = -light.direction;
         let cosine = dot(normal, ray.direction);
-        if cosine > 0.0 && !trace(ray).found {
+        if cosine > 0.0 && !is_blocked(ray) {
             sum.diffuse += light.color * cosine;
             sum.seen += lobes(light, cosine, mirrored);
         }

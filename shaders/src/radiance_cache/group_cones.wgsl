@@ -17,9 +17,6 @@
 @group(1) @binding(8) var group_y: texture_3d<f32>;
 @group(1) @binding(9) var group_z: texture_3d<f32>;
 
-/// Level at which a cube is one texel.
-const LAST_LEVEL: f32 = 5.0;
-
 fn from_grid(place: vec3<f32>) -> vec3<f32> {
     return place * grid.voxel_size + grid.origin;
 }
@@ -55,7 +52,7 @@ fn in_cube(index: u32, place: vec3<f32>, level: f32) -> InCube {
     let fades = clamp(1.0 - abs(place - within) / texel, vec3<f32>(0.0), vec3<f32>(1.0));
     let part = min(edge / texel, 1.0);
     let in_texture = (within + vec3<f32>(0.0, 0.0, f32(index) * edge)) / vec3<f32>(textureDimensions(group_x));
-    return InCube(in_texture, fades.x * fades.y * fades.z * part * part, min(level, LAST_LEVEL));
+    return InCube(in_texture, fades.x * fades.y * fades.z * part * part, min(level, f32(firstTrailingBit(GROUP_EDGE))));
 }
 
 fn add_sides(sum: ptr<function, Sides>, light: texture_3d<f32>, at: InCube, against: bool) {

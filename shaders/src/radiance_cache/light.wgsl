@@ -13,7 +13,7 @@
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{Cell, cell_plane, cell_area}
 #import bevy_bounce::shared::octahedral::decode_unit
-#import bevy_bounce::shared::rays::{grid, cells, voxel_groups, trace, to_grid, to_world, Ray}
+#import bevy_bounce::shared::rays::{grid, cells, voxel_groups, is_blocked, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT}
@@ -77,7 +77,7 @@ fn is_seen(receiver: Receiver, direction: vec3<f32>, distance: f32, end_normal: 
     ray.start_normal = receiver.normal;
     ray.end_normal = end_normal;
     ray.gap = GAP;
-    return !trace(ray).found;
+    return !is_blocked(ray);
 }
 
 fn from_rect_light(receiver: Receiver, light: Light) -> vec3<f32> {

@@ -59,6 +59,8 @@ const BOUND_STEPS: f32 = 31.0;
 const COUNTER_CELLS: u32 = 0u;
 const COUNTER_OVERFLOW: u32 = 1u;
 const COUNTER_AREA: u32 = 2u;
+/// Steps of it, of a voxel's face.
+const COUNTER_AREA_STEPS: f32 = 256.0;
 const COUNTER_FINEST: u32 = 3u;
 
 /// One of the nested grids: 0 is the finest.

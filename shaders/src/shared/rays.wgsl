@@ -171,7 +171,7 @@ fn without_zeros(direction: vec3<f32>) -> vec3<f32> {
 }
 
 // The first surface of the world's own grids. Of nested grids each is entered where the next
-/// coarser one is left for it, and left for that again: the way in and the way out of so many boxes within each other.
+// coarser one is left for it, and left for that again: the way in and the way out of so many boxes within each other.
 fn trace_world(ray: Ray) -> Hit {
     let safe = without_zeros(ray.direction);
     let inverse = 1.0 / safe;
@@ -243,4 +243,17 @@ fn trace(ray: Ray) -> Hit {
         nearest.steps = steps;
     }
     return nearest;
+}
+
+/// Whether anything that faces the ray, other than what it stands on, is in its way.
+fn is_blocked(ray: Ray) -> bool {
+    if trace_world(ray).found {
+        return true;
+    }
+    for (var i = 0u; i < voxel_groups.count; i++) {
+        if trace_group(ray, i, ray.length).found {
+            return true;
+        }
+    }
+    return false;
 }

@@ -12,7 +12,7 @@
 // Cost: a thread a vertex, two binary searches through the order; then one workgroup, one load a vertex.
 
 #import bevy_bounce::shared::groups::{exclusive_scan, folded_index, scan_total, stretch_of}
-#import bevy_bounce::shared::grid::{Grid, COUNTER_AREA}
+#import bevy_bounce::shared::grid::{Grid, COUNTER_AREA, COUNTER_AREA_STEPS}
 #import bevy_bounce::shared::hilbert::HILBERT_BITS
 #import bevy_bounce::vpl::types::{VplParameters, VplHeader, SUBSETS, NODE_STEPS, first_key_of_grid}
 
@@ -113,7 +113,7 @@ fn find_least(lane: u32) {
 
 // See `bound.wgsl`; here for the lights and the area of the whole of the finest grid.
 fn mean_bound(lights: u32) -> f32 {
-    let area = f32(counters[COUNTER_AREA]) / 256.0 * grid.voxel_size * grid.voxel_size;
+    let area = f32(counters[COUNTER_AREA]) / COUNTER_AREA_STEPS * grid.voxel_size * grid.voxel_size;
     return parameters.bound_scale * f32(lights) / max(area, 1e-12);
 }
 

@@ -9,7 +9,7 @@
 }
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::rays::{grid, voxels, cells}
-#import bevy_bounce::vpl::types::{VplParameters, BRICK_WORDS, BRICK_LIGHTS, BRICK_AREA, LIGHT_SHIFT}
+#import bevy_bounce::vpl::types::{VplParameters, BRICK_WORDS, BRICK_LIGHTS, BRICK_AREA, BRICK_AREA_STEPS, LIGHT_SHIFT}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 // What is known of each brick of the grid, `BRICK_WORDS` each.
@@ -53,7 +53,7 @@ fn measure_density(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoc
     }
     if lane == 0u && index < arrayLength(&densities) {
         let lights = f32(bricks[index * BRICK_WORDS + BRICK_LIGHTS]) / f32(1u << LIGHT_SHIFT);
-        let all = areas[0] + f32(bricks[index * BRICK_WORDS + BRICK_AREA]) / 256.0;
+        let all = areas[0] + f32(bricks[index * BRICK_WORDS + BRICK_AREA]) / BRICK_AREA_STEPS;
         densities[index] = vec2<f32>(lights * parameters.bound_scale, all * level.voxel_size * level.voxel_size);
     }
 }

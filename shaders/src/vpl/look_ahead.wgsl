@@ -8,7 +8,7 @@
 
 #import bevy_bounce::shared::grid::{grid_level, level_at, brick_at}
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::rays::{grid, trace, to_grid, to_world, Ray}
+#import bevy_bounce::shared::rays::{grid, is_blocked, trace, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::{sample_square, cosine_direction}
 #import bevy_bounce::shared::scene::LIGHT_DIRECTIONAL
 #import bevy_bounce::vpl::starts::{
@@ -33,7 +33,7 @@ fn look(start: vec3<f32>, direction: vec3<f32>, candidate: u32) -> u32 {
     ray.start_normal = lit.normal;
     ray.direction = cosine_direction(ray.start_normal, sample_square(candidate, DIMENSION_PROMISE));
     atomicAdd(&bricks[brick * BRICK_WORDS + BRICK_TRIED], 1u);
-    if trace(ray).found {
+    if is_blocked(ray) {
         atomicAdd(&bricks[brick * BRICK_WORDS + BRICK_ONWARD], 1u);
     }
     return brick + 1u;

@@ -40,13 +40,14 @@ const CANDIDATES: u32 = 8u;
 
 /// What is known of a brick, in words: lights, in fixed point; the first of the lights that are filed under it, counted
 /// from 1; candidates whose light falls into it; those of them whose light goes on to meet something; area of the groups in it, in
-/// 1/256 voxel faces.
+/// `1 / BRICK_AREA_STEPS` voxel faces.
 const BRICK_WORDS: u32 = 5u;
 const BRICK_LIGHTS: u32 = 0u;
 const BRICK_FIRST: u32 = 1u;
 const BRICK_TRIED: u32 = 2u;
 const BRICK_ONWARD: u32 = 3u;
 const BRICK_AREA: u32 = 4u;
+const BRICK_AREA_STEPS: f32 = 65536.0;
 
 /// Words a light has for what its path met.
 const MEETING_WORDS: u32 = 2u;

@@ -45,6 +45,8 @@ pub(crate) struct GroupSource {
     pub grid: UniformBuffer<Grid>,
     /// The counts, as the voxeliser reads them.
     pub scene: UniformBuffer<Scene>,
+    /// Whether any group has it: only then is its content that of the materials as they are.
+    pub is_placed: bool,
     /// Whether it has been voxelised.
     pub is_built: bool,
 }
@@ -106,13 +108,19 @@ impl GroupGrids {
         ((self.first_cell + index as u64 * GROUP_CELLS) * bytes, GROUP_CELLS * bytes)
     }
 
+    /// Grids that are to be voxelised.
+    pub fn missing(&self) -> impl Iterator<Item = (usize, &GroupSource)> {
+        self.sources.iter().enumerate().filter(|(_, source)| source.is_placed && !source.is_built)
+    }
+
     /// Follows the groups of this frame.
     pub fn update(&mut self, groups: &Groups, device: &RenderDevice, queue: &RenderQueue) {
         for (index, grid) in groups.grids.iter().enumerate().take(self.capacity) {
-            match self.sources.get(index) {
-                Some(source) if source.revision == grid.revision => {}
-                Some(_) => self.sources[index] = GroupSource::new(grid, device, queue),
-                None => self.sources.push(GroupSource::new(grid, device, queue)),
+            let is_placed = groups.placed.iter().any(|group| group.grid == index);
+            match self.sources.get_mut(index) {
+                Some(source) if source.revision == grid.revision || !is_placed => source.is_placed = is_placed,
+                Some(source) => *source = GroupSource::new(grid, is_placed, device, queue),
+                None => self.sources.push(GroupSource::new(grid, is_placed, device, queue)),
             }
         }
         if self.work.is_none() && self.capacity > 0 {
@@ -138,7 +146,7 @@ impl GroupGrids {
 }
 
 impl GroupSource {
-    fn new(grid: &GroupGrid, device: &RenderDevice, queue: &RenderQueue) -> Self {
+    fn new(grid: &GroupGrid, is_placed: bool, device: &RenderDevice, queue: &RenderQueue) -> Self {
         let chunks = |emissive_only| {
             let chunks = grid.chunks(emissive_only);
             (storage(device, "bounce_group_chunks", &chunks), chunks.len() as u32)
@@ -159,6 +167,7 @@ impl GroupSource {
             emissive_chunks,
             grid: UniformBuffer::from(fit(&grid.bounds(), grid.resolution())),
             scene: UniformBuffer::from(scene),
+            is_placed,
             is_built: false,
         };
         source.grid.write_buffer(device, queue);

@@ -104,7 +104,7 @@ fn voxelize_groups(
 ) -> u64 {
     let Some(work) = &held.groups.work else { return 0 };
     let mut count = 0;
-    for (index, source) in held.groups.sources.iter().enumerate().filter(|(_, source)| !source.is_built) {
+    for (index, source) in held.groups.missing() {
         let (Some(grid), Some(uniform)) = (source.grid.binding(), source.scene.binding()) else { continue };
         let voxelized = Voxelized {
             grid,
@@ -157,6 +157,6 @@ pub(super) fn voxelize(
     span.end(encoder);
     if built > 0 {
         grid.groups.built += built;
-        grid.groups.sources.iter_mut().for_each(|source| source.is_built = true);
+        grid.groups.sources.iter_mut().filter(|source| source.is_placed).for_each(|source| source.is_built = true);
     }
 }

@@ -36,7 +36,8 @@
 //! probes. Where these alone take longer, the share is a sixteenth and the budget is overrun. Memory is held for what is stated, so that
 //! no change allocates anything.
 //!
-//! Bounces between baked texels run one a frame, whatever the share.
+//! Bounces between baked texels run one a frame, whatever the share; where [texels receive](crate::CssmReceivers::Texels) the last one,
+//! that is one or two more.
 //!
 //! The share is lowered by up to 30 percent every twelve frames while seven frames in a row are above the budget, or where the median of
 //! 63 is; and raised by up to five percent every 68 frames while that is below 82 percent of it. Fewer lights

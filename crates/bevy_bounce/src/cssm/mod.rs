@@ -11,14 +11,15 @@
 //! | `emit` | texel | material and texture of its triangle | `sources` |
 //! | `direct` | texel | lights; cube maps, maps from outside | added to `sources` |
 //! | `leaves`, `pull`, `pull_top` | texel; node, level by level; node over the objects | `sources`, `gathered` | `powers` |
-//! | `bounce` | texel | `powers` along its cuts; cube maps, maps from outside | `gathered` |
+//! | `bounce` | texel | `powers` along its cuts; cube maps, maps from outside | `gathered`; the last one, where texels receive it, `received` |
 //! | `pixels` | pixel | the same | the view's `indirect`, and `glossy` where it is asked for |
-//! | or `smooth_pixels` | pixel | `gathered` of the texels around it, where these receive the last bounce | the view's `indirect` |
+//! | or `smooth_pixels` | pixel | `received` of the texels around it, where these receive the last bounce | the view's `indirect` |
 //!
 //! All but the last two run only when lights, materials, the objects' places or settings are others than before.
 //!
 //! Where a [budget](crate::GlobalIllumination::budget) asks for it, one `bounce` with its `leaves` and `pull` runs a frame, on `powers` and
-//! `gathered` of its own (48 bytes a texel), which are shown once all bounces are there; what the lamps send is pulled when it changes.
+//! `gathered` of its own (48 bytes a texel), which are shown once all bounces are there; what the lamps send is pulled when it changes. Where
+//! texels receive the last bounce, they do so once more in frames in which something changes, and once all bounces are there.
 //!
 //! # What hides what
 //!
@@ -42,7 +43,7 @@
 //! | `texels`, `directory`, `blocks` | as the files, each once | [`words`] |
 //! | `tree` | 36 a texel, each bake once | [`tree`] |
 //! | `powers` | 32 a texel | of each node, radiance times area, and area |
-//! | `sources`, `gathered` | 16 a texel each | radiance without bounces, share reflected at the surface; irradiance over pi by bounces, nodes of the cuts |
+//! | `sources`, `gathered`, `received` | 16 a texel each, the last where it is asked for | radiance without bounces, share reflected at the surface; irradiance over pi by bounces, nodes of the cuts |
 //! | `surfaces` | 12 a texel | which triangle each texel shows |
 //! | `kept` | 16 a pixel, 32 with glossy light, where light is averaged | mean light of a pixel that rests, what it shows |
 //! | `bakes` | 18 KiB | where each object stands, where its words are, and the tree over the objects |

@@ -74,6 +74,8 @@ struct Bounces {
     /// By level; the one of the leaves is any.
     hierarchy: Vec<BindGroup>,
     bounce: BindGroup,
+    /// The last one, where texels receive it.
+    receive: Option<BindGroup>,
     maps: BindGroup,
 }
 
@@ -98,17 +100,21 @@ impl Bounces {
             ];
             p.leaves.bind(device, cache, &bindings)
         };
-        let bounce = [
-            whole(&baked.texels),
-            bakes.clone(),
-            whole(&baked.tree),
-            whole(&light.powers),
-            gather,
-            whole(&light.gathered),
-        ];
+        let bounce = |output| {
+            let bindings = [
+                whole(&baked.texels),
+                bakes.clone(),
+                whole(&baked.tree),
+                whole(&light.powers),
+                gather.clone(),
+                whole(output),
+            ];
+            p.gather(baked.count()).bounce.bind(device, cache, &bindings)
+        };
         Some(Self {
             hierarchy: baked.levels.iter().map(hierarchy).collect(),
-            bounce: p.gather(baked.count()).bounce.bind(device, cache, &bounce),
+            bounce: bounce(&light.gathered),
+            receive: light.received.as_ref().map(bounce),
             maps: bind_maps(baked, device, cache),
         })
     }
@@ -139,16 +145,29 @@ impl Bounces {
         self.pull(p, baked, encoder, cache);
     }
 
-    /// What the texels receive.
-    fn gather(&self, p: &CssmPipelines, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
+    fn gather(
+        &self,
+        output: &BindGroup,
+        p: &CssmPipelines,
+        baked: &Baked,
+        encoder: &mut CommandEncoder,
+        cache: &PipelineCache,
+    ) {
         let size = folded(baked.lights().div_ceil(GROUP));
-        p.gather(baked.count()).bounce.dispatch(encoder, cache, &[&self.bounce, &self.maps], size);
+        p.gather(baked.count()).bounce.dispatch(encoder, cache, &[output, &self.maps], size);
     }
 
     /// One more.
     fn bounce(&self, p: &CssmPipelines, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
-        self.gather(p, baked, encoder, cache);
+        self.gather(&self.bounce, p, baked, encoder, cache);
         self.pull(p, baked, encoder, cache);
+    }
+
+    /// The last one, where texels receive it.
+    fn receive(&self, p: &CssmPipelines, baked: &Baked, encoder: &mut CommandEncoder, cache: &PipelineCache) {
+        if let Some(receive) = &self.receive {
+            self.gather(receive, p, baked, encoder, cache);
+        }
     }
 }
 
@@ -167,6 +186,7 @@ pub(super) fn light_texels(
     }
     let Some(wanted) = baked.wanted.clone().filter(|wanted| wanted.bounces > 0) else { return };
     let device = ctx.render_device().clone();
+    baked.light.receive(wanted.at_texels, &device);
     let afresh = if baked.is_lit() {
         None
     } else {
@@ -178,6 +198,9 @@ pub(super) fn light_texels(
     let between = wanted.bounces - 1;
     let mut next =
         (wanted.spread && between > 0).then(|| baked.next.take().unwrap_or_else(|| Next::new(&device, baked.lights())));
+    if let Some(next) = &mut next {
+        next.light.receive(wanted.at_texels, &device);
+    }
     let coming = next.as_ref().and_then(|next| Bounces::new(&p, baked, &next.light, &device, &cache));
 
     let diagnostics = ctx.diagnostic_recorder();
@@ -192,9 +215,7 @@ pub(super) fn light_texels(
             if let Some((_, shown)) = afresh {
                 // At once: what the pixels gather is new, with further bounces as they were.
                 shown.pull(&p, baked, encoder, &cache);
-                if wanted.at_texels {
-                    shown.gather(&p, baked, encoder, &cache);
-                }
+                shown.receive(&p, baked, encoder, &cache);
                 next.is_late = true;
             }
             let bounces = next.bounces.unwrap_or(0);
@@ -205,9 +226,7 @@ pub(super) fn light_texels(
             coming.bounce(&p, baked, encoder, &cache);
             next.bounces = Some(bounces + 1);
             if bounces + 1 == between {
-                if wanted.at_texels {
-                    coming.gather(&p, baked, encoder, &cache);
-                }
+                coming.receive(&p, baked, encoder, &cache);
                 std::mem::swap(&mut baked.light, &mut next.light);
                 next.bounces = next.is_late.then_some(0);
             }
@@ -217,9 +236,7 @@ pub(super) fn light_texels(
             for _ in 0..between {
                 shown.bounce(&p, baked, encoder, &cache);
             }
-            if wanted.at_texels {
-                shown.gather(&p, baked, encoder, &cache);
-            }
+            shown.receive(&p, baked, encoder, &cache);
         }
         _ => {}
     }
@@ -257,7 +274,7 @@ impl Pixels<'_> {
             self.view.clone(),
             BindingResource::TextureView(&self.textures.surface),
             BindingResource::TextureView(&self.textures.indirect),
-            whole(&baked.light.gathered),
+            whole(baked.light.received.as_ref()?),
         ];
         baked.is_lit().then(|| [kernel.bind(device, cache, &bindings), bind_maps(baked, device, cache)])
     }

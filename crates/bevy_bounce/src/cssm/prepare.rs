@@ -72,6 +72,8 @@ pub(crate) struct Baked {
     /// `array<u32>`, by instance: the object that it is part of, or `NONE`. Instances beyond it are of none. Written where virtual lights
     /// see by bakes.
     pub instance_objects: Buffer,
+    /// What that was written from: instance and object of each part.
+    pub(super) instances_of: Vec<(u32, u32)>,
     /// Light that is shown.
     pub light: Light,
     /// Light whose bounces are under way, where these follow each other from frame to frame.
@@ -93,8 +95,10 @@ pub(crate) struct Light {
     /// `array<vec4<f32>>`, two by place of light, of each object its nodes, then those of the tree over the objects: radiance times area,
     /// area.
     pub powers: Buffer,
-    /// `array<vec4<f32>>`, by place of light: irradiance over pi, nodes of the cuts.
+    /// `array<vec4<f32>>`, by place of light: irradiance over pi, nodes of the cuts. What texels send on.
     pub gathered: Buffer,
+    /// The same with one bounce more, for pixels that show it; there where it was asked for.
+    pub received: Option<Buffer>,
 }
 
 impl Light {
@@ -103,11 +107,19 @@ impl Light {
         Self {
             powers: storage(device, "bounce_cssm_powers", 2 * bytes + CSSM_TOP_NODES as u64 * VALUE),
             gathered: storage(device, "bounce_cssm_gathered", bytes),
+            received: None,
         }
     }
 
+    /// Makes room for what texels receive, or gives it up.
+    pub fn receive(&mut self, asked: bool, device: &RenderDevice) {
+        let bytes = self.gathered.size();
+        let make = || storage(device, "bounce_cssm_received", bytes);
+        self.received = asked.then(|| self.received.take().unwrap_or_else(make));
+    }
+
     fn bytes(&self) -> u64 {
-        self.powers.size() + self.gathered.size()
+        self.powers.size() + self.gathered.size() + self.received.as_ref().map_or(0, |received| received.size())
     }
 }
 
@@ -138,8 +150,6 @@ pub(crate) struct State {
     pub spread: bool,
     /// Whether texels gather the last one, too.
     pub at_texels: bool,
-    /// Whether virtual lights see by bakes.
-    are_eyes: bool,
     /// What [`Instances::look`] says of each.
     parts: Vec<[u32; 3]>,
     revision: u64,
@@ -160,7 +170,7 @@ fn filled(device: &RenderDevice, label: &'static str, pieces: &[&[u32]]) -> Buff
     let buffer = device.create_buffer(&BufferDescriptor {
         label: Some(label),
         size: 4 * words.max(4) as u64,
-        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC,
+        usage: BufferUsages::STORAGE | BufferUsages::COPY_SRC | BufferUsages::COPY_DST,
         mapped_at_creation: true,
     });
     let mut at = 0;
@@ -176,11 +186,11 @@ fn filled(device: &RenderDevice, label: &'static str, pieces: &[&[u32]]) -> Buff
 }
 
 /// Of each instance the object that it is part of, or `NONE`; at least `places` of them.
-fn objects_of_instances(instances: impl Iterator<Item = (u32, u32)>, places: usize) -> Vec<u32> {
+fn objects_of_instances(parts: &[(u32, u32)], places: usize) -> Vec<u32> {
     let mut objects = vec![NONE; places];
-    for (slot, object) in instances.filter(|(slot, _)| *slot != NONE) {
-        objects.resize(objects.len().max(slot as usize + 1), NONE);
-        objects[slot as usize] = object;
+    for (slot, object) in parts.iter().filter(|(slot, _)| *slot != NONE) {
+        objects.resize(objects.len().max(*slot as usize + 1), NONE);
+        objects[*slot as usize] = *object;
     }
     objects
 }
@@ -231,7 +241,8 @@ impl Baked {
             tree: filled(device, "bounce_cssm_tree", words.trees.all()),
             surfaces: filled(device, "bounce_cssm_surfaces", &[&shown]),
             part_instances: storage(device, "bounce_cssm_parts", 4 * u64::from(parts)),
-            instance_objects: storage(device, "bounce_cssm_instances", 0),
+            instance_objects: filled(device, "bounce_cssm_instances", &[&[NONE; 4]]),
+            instances_of: Vec::new(),
             light: Light::new(device, lights),
             next: None,
             sources: storage(device, "bounce_cssm_sources", u64::from(lights) * VALUE),
@@ -244,13 +255,8 @@ impl Baked {
         (baked, too_large)
     }
 
-    fn write_instances(
-        &mut self,
-        instances: impl Iterator<Item = (u32, u32)>,
-        device: &RenderDevice,
-        queue: &RenderQueue,
-    ) {
-        let objects = objects_of_instances(instances, (self.instance_objects.size() / 4) as usize);
+    fn write_instances(&mut self, parts: &[(u32, u32)], device: &RenderDevice, queue: &RenderQueue) {
+        let objects = objects_of_instances(parts, (self.instance_objects.size() / 4) as usize);
         let bytes = 4 * objects.len() as u64;
         if self.instance_objects.size() < bytes {
             self.instance_objects = storage(device, "bounce_cssm_instances", bytes);
@@ -339,7 +345,6 @@ pub(super) fn prepare_light(
         bounces: extracted.bounces,
         spread: extracted.spread,
         at_texels: extracted.at_texels,
-        are_eyes: extracted.are_eyes,
         parts: extracted.parts.iter().map(|part| look(&part.mesh)).collect(),
         revision: scene.light_revision(),
     };
@@ -352,10 +357,14 @@ pub(super) fn prepare_light(
             let slots: Vec<u32> = state.parts.iter().map(|[slot, ..]| *slot).collect();
             queue.write_buffer(&baked.part_instances, 0, bytemuck::cast_slice(&slots));
         }
-        if state.are_eyes {
-            let objects = state.parts.iter().zip(&extracted.parts).map(|([slot, ..], part)| (*slot, part.object));
-            baked.write_instances(objects, &device, &queue);
-        }
         baked.wanted = Some(state);
+    }
+    if extracted.are_eyes {
+        let slots = baked.wanted.iter().flat_map(|wanted| &wanted.parts).map(|[slot, ..]| *slot);
+        let parts: Vec<_> = slots.zip(extracted.parts.iter().map(|part| part.object)).collect();
+        if baked.instances_of != parts {
+            baked.write_instances(&parts, &device, &queue);
+            baked.instances_of = parts;
+        }
     }
 }

@@ -173,7 +173,7 @@ fn add_emission(
     light.emitted.resize(grid.groups.sources.len(), 0);
     for (index, source) in grid.groups.sources.iter().enumerate() {
         let (Some(uniform), Some(scene_uniform)) = (source.grid.binding(), source.scene.binding()) else { continue };
-        if !source.is_built || light.emitted[index] == source.revision {
+        if !(source.is_built && source.is_placed) || light.emitted[index] == source.revision {
             continue;
         }
         let group = Emission {

@@ -62,6 +62,12 @@ impl Rooms {
         Self { cells: grid.groups.cell_count(), groups, first_group_cell: grid.groups.first_cell }
     }
 
+    /// With room for as many groups as there was in another room of the same grids.
+    fn kept(self, before: &Self) -> Self {
+        let same = self.cells == before.cells && self.first_group_cell == before.first_group_cell;
+        Self { groups: if same { self.groups.max(before.groups) } else { self.groups }, ..self }
+    }
+
     /// Cells of the world and of groups that are lit.
     fn lit(&self) -> u64 {
         self.first_group_cell + self.groups * GROUP_CELLS
@@ -192,6 +198,7 @@ pub(super) fn prepare_voxel_light(
         return;
     };
     let rooms = Rooms::of(&grid);
+    let rooms = held.as_ref().map_or(rooms, |held| rooms.kept(&held.rooms));
     let further = settings.radiance_cache.further_bounces;
     let parameters = layout(grid.grid.dims, settings.grid, further, rooms.first_group_cell as u32);
     match held {

@@ -31,7 +31,11 @@ use crate::settings::GiWorldSettings;
 ///
 /// Groups that hold the same meshes and materials at the same places below their roots share one grid, so that a fleet costs one
 /// voxelisation; each is lit by itself. Up to 32 take part at a time, those spawned first; meshes of further ones, skinned and
-/// morphed meshes are voxelised with the world as without it. A group within a group is one of its own.
+/// morphed meshes are voxelised with the world as without it; all are where the world's own voxels leave no room in a binding: beyond
+/// [`GiSettings::grid`](crate::GiSettings::grid) 128 with several grids, on devices that bind 128 MiB. A group within a group is one of its own.
+///
+/// What a group emits belongs to it: it is voxelised anew where that changes, also by the camera's exposure, where
+/// `StandardMaterial::emissive_exposure_weight` lets that count.
 ///
 /// Every ray through the voxels asks whether it comes near each group, so a few large groups are worth more than many small ones.
 /// Groups block and reflect the light of probes, which look for places in the world's grid alone: those that are within a group stay there.
@@ -278,8 +282,11 @@ pub(super) fn update_groups(
     if taking_part < found.len() && !groups.warned {
         groups.warned = true;
         warn!(
-            "{} groups have no voxel grid of their own, for there is room for {}: they are voxelised with the world",
+            "{} groups have no voxel grid of their own, for beside the world's grid ({} voxels along an edge, {} times) there \
+             is room for {}: they are voxelised with the world",
             found.len() - taking_part,
+            settings.0.map_or(0, |settings| settings.grid),
+            regions.boxes().len().max(1),
             taking_part,
         );
     }

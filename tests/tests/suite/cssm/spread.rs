@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use bevy::prelude::*;
 use bevy_bounce::cssm::times_lit;
-use bevy_bounce::{CssmSettings, GiSettings, GlobalIllumination, Quality, Technique};
+use bevy_bounce::{CssmReceivers, CssmSettings, GiSettings, GlobalIllumination, Quality, Technique};
 use bevy_bounce_tests::baked::small_cornell_box;
 use bevy_bounce_tests::picture::Picture;
 use bevy_bounce_tests::stage::{SMALL, Stage, run};
@@ -16,8 +16,12 @@ const BETWEEN: u64 = BOUNCES as u64 - 1;
 
 /// A budget that leaves everything.
 fn radiosity(budget: Option<f32>) -> GlobalIllumination {
-    let cssm = CssmSettings { error: 8.0, ..CssmSettings::DEFAULT };
-    let settings = GiSettings { bounces: BOUNCES, cssm, history: 1, ..SMALL };
+    received(CssmReceivers::Pixels, BOUNCES, budget)
+}
+
+fn received(receivers: CssmReceivers, bounces: u32, budget: Option<f32>) -> GlobalIllumination {
+    let cssm = CssmSettings { error: 8.0, receivers, ..CssmSettings::DEFAULT };
+    let settings = GiSettings { bounces, cssm, history: 1, ..SMALL };
     GlobalIllumination {
         technique: Technique::SurfaceRadiosity,
         quality: Quality::Custom(settings),
@@ -92,4 +96,24 @@ fn light_that_changes_bounces_on() {
     dim(&mut spread, 0.5);
     spread.light_by(radiosity(None));
     assert!(next(&mut spread) == next(&mut at_once), "light without a budget waits");
+}
+
+/// However long a light changes, it bounces as often as asked, also where texels receive the last bounce.
+#[test]
+fn bounces_do_not_pile_up() {
+    for receivers in [CssmReceivers::Pixels, CssmReceivers::Texels] {
+        let mut stage = stage(None);
+        stage.light_by(received(receivers, 3, None));
+        let expected = stage.settled_picture().mean_luminance();
+        stage.light_by(received(receivers, 4, None));
+        let more = stage.settled_picture().mean_luminance();
+        assert!(more > 1.02 * expected, "a further bounce would not be seen: {more} of {expected}");
+        stage.light_by(received(receivers, 3, Some(1e6)));
+        stage.settled_picture();
+        for frame in 0..8 {
+            dim(&mut stage, 1.0001);
+            let found = next(&mut stage).mean_luminance();
+            assert!((found / expected - 1.0).abs() < 0.01, "{receivers:?}, frame {frame}: {found} for {expected}");
+        }
+    }
 }
