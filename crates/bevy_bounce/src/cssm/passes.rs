@@ -127,7 +127,7 @@ impl Bounces {
         for (level, group) in self.hierarchy.iter().enumerate().rev() {
             p.pull.dispatch(encoder, cache, &[group], folded(baked.row(level as u32).div_ceil(GROUP)));
         }
-        if let Some(group) = self.hierarchy.first().filter(|_| baked.count() > 1) {
+        if let Some(group) = self.hierarchy.first() {
             p.pull_top.dispatch(encoder, cache, &[group], folded((2 * baked.count() - 1).div_ceil(GROUP)));
         }
     }
