@@ -145,6 +145,7 @@ impl Bounces {
         self.pull(p, baked, encoder, cache);
     }
 
+    /// What the texels receive, into `gathered` or `received`.
     fn gather(
         &self,
         output: &BindGroup,
