@@ -130,6 +130,7 @@ shaders! {
     "compose/surface.wgsl" => ["pack"],
     "compose/gbuffer.wgsl" => [],
     "compose/direct.wgsl" => [],
+    "compose/reflections.wgsl" => [],
     "compose/compose.wgsl" => [],
     "debug/voxels.wgsl" => ["show_voxels"],
     "debug/atlas.wgsl" => ["show_atlas"],

@@ -142,6 +142,11 @@ impl ViewTextures {
         }
     }
 
+    /// What screen-space reflections show some of.
+    pub fn reflected(&self) -> impl Iterator<Item = &TextureView> {
+        self.glossy.iter().chain(&self.mirrored_sky)
+    }
+
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> [(&'static str, u64); 4] {
         let names = ["view: surface", "view: light", "view: direct diffuse", "view: interleaved"];

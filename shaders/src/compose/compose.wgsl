@@ -49,39 +49,10 @@ fn reflected(f_zero: vec3<f32>, f_ab: vec2<f32>) -> Reflected {
     return Reflected(once, often, 1.0 - (once + often));
 }
 
-/// What screen-space reflections take from caches, also where they meet nothing: they reflect the same light, and fade out with roughness
-/// and towards the picture's edges, as in bevy_pbr/src/ssr/ssr.wgsl.
-fn taken_by_screen_space(surface: PbrInput, pixel: vec2<i32>) -> f32 {
-#ifdef SCREEN_SPACE_REFLECTIONS
-    let settings = view_bindings::ssr_settings;
-    let roughness = surface.material.perceptual_roughness;
-    var fade = step(settings.min_perceptual_roughness, roughness);
-    if settings.min_perceptual_roughness < settings.min_perceptual_roughness_fully_active {
-        fade = smoothstep(settings.min_perceptual_roughness, settings.min_perceptual_roughness_fully_active, roughness);
-    }
-    if settings.max_perceptual_roughness_starts_to_fade >= settings.max_perceptual_roughness {
-        fade *= step(roughness, settings.max_perceptual_roughness);
-    } else {
-        fade *= 1.0 - smoothstep(settings.max_perceptual_roughness_starts_to_fade, settings.max_perceptual_roughness, roughness);
-    }
-    let uv = (vec2<f32>(pixel) + 0.5) / view_bindings::view.main_pass_viewport.zw;
-    let from_edge = min(uv, 1.0 - uv);
-    let outer = settings.edge_fadeout_no_longer_active;
-    let inner = settings.edge_fadeout_fully_active;
-    var within = step(vec2<f32>(outer), from_edge);
-    if outer < inner {
-        within = smoothstep(vec2<f32>(outer), vec2<f32>(inner), from_edge);
-    }
-    return fade * within.x * within.y;
-#else
-    return 0.0;
-#endif
-}
-
 /// Bounced light that the surface sends on.
 fn indirect_light(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
     let irradiance = textureLoad(light_texture, pixel, 1, 0).rgb * surface.diffuse_occlusion;
-    let radiance = glossy_radiance(surface, pixel) * (1.0 - taken_by_screen_space(surface, pixel));
+    let radiance = glossy_radiance(surface, pixel);
     return reflected_light(surface, irradiance, radiance) + coat_light(surface, pixel);
 }
 
@@ -203,8 +174,7 @@ fn isolate_glossy(@builtin(position) position: vec4<f32>) -> @location(0) vec4<f
 #ifdef COMPOSE_GLOSSY
     if is_lit(pixel) {
         let surface = load_pbr_input(target_pixel);
-        let left = 1.0 - taken_by_screen_space(surface, pixel);
-        let base = reflected_light(surface, vec3<f32>(0.0), glossy_radiance(surface, pixel) * left);
+        let base = reflected_light(surface, vec3<f32>(0.0), glossy_radiance(surface, pixel));
         color = vec4<f32>(base + coat_light(surface, pixel), 1.0);
     }
 #endif

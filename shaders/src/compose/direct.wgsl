@@ -216,15 +216,17 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
     input.diffuse_color = vec3<f32>(0.0);
 #endif
     let environment = environment_map::environment_map_light(&input, &ranges, false);
+    var mirrored = environment.specular * surface.specular_occlusion;
 #ifdef SCREEN_SPACE_REFLECTIONS
-    // Screen-space reflections add the specular part where they run.
+#ifndef SKY
+    // Bevy's screen-space reflections add it where they run; under a sky that bounces they do not.
     let roughness = surface.material.perceptual_roughness;
-    let reflects = roughness >= view_bindings::ssr_settings.min_perceptual_roughness
-        && roughness <= view_bindings::ssr_settings.max_perceptual_roughness;
-#else
-    let reflects = false;
+    let settings = view_bindings::ssr_settings;
+    if roughness >= settings.min_perceptual_roughness && roughness <= settings.max_perceptual_roughness {
+        mirrored = vec3<f32>(0.0);
+    }
 #endif
-    var mirrored = select(environment.specular * surface.specular_occlusion, vec3<f32>(0.0), reflects);
+#endif
 #ifdef SKY
 #ifndef COMPOSE_GLOSSY
     mirrored += environment.diffuse * surface.diffuse_occlusion;

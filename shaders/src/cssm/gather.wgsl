@@ -310,10 +310,21 @@ fn add_sender(
     (*result).cut += 1u;
 }
 
-fn gather_from(result: ptr<function, Gathered>, object: u32, receiver: Receiver, seed: u32, turn: u32) {
+// Light that one of an object's texels sends in the name of several objects, in areas of its own space: all of it, where that is not
+// negative, and the place that chooses the texel.
+struct Errand {
+    bright: f32,
+    place: f32,
+}
+
+const NO_ERRAND: Errand = Errand(-1.0, 0.0);
+
+// Adds an object's own light by a cut through its nodes, or what it sends on an errand from a texel below the first of them.
+fn gather_from(result: ptr<function, Gathered>, object: u32, errand: Errand, receiver: Receiver, seed: u32, turn: u32) {
     let local = to_local(object, receiver);
     let first_node = bakes.objects[object].first_node;
     let first_power = 2u * bakes.objects[object].first_light;
+    let is_errand = errand.bright >= 0.0;
     let end = node_count(object);
     var index = 0u;
     var rank = 0u;
@@ -324,13 +335,17 @@ fn gather_from(result: ptr<function, Gathered>, object: u32, receiver: Receiver,
         let most = max(power.r, max(power.g, power.b));
         if most > 0.0 {
             let bound = largest_transfer(node, local);
-            if count > 1u && bound * most > settings.threshold {
+            if count > 1u && bound * most > settings.threshold && !is_errand {
                 index += 1u;
                 continue;
             }
             if bound > 0.0 {
-                let bright = brightness(power);
-                let place = random(seed, first_power + index, turn) * bright;
+                var bright = brightness(power);
+                var place = random(seed, first_power + index, turn) * bright;
+                if is_errand {
+                    bright = errand.bright;
+                    place = errand.place;
+                }
                 add_sender(result, Sender(index, rank), count, place, bright, local, receiver, seed, turn);
             }
         }
@@ -360,8 +375,13 @@ fn top_node(index: u32) -> Node {
     return node;
 }
 
-// Adds the light of several objects, sent from a texel of one of them.
-fn add_objects(result: ptr<function, Gathered>, node: u32, receiver: Receiver, seed: u32, turn: u32) {
+// An object below a node over the objects, chosen in proportion to what it sends, and what it sends in the name of all of them.
+struct Messenger {
+    object: u32,
+    errand: Errand,
+}
+
+fn choose_messenger(node: u32, seed: u32, turn: u32) -> Messenger {
     let bright = brightness(powers[top_place(node)]);
     var place = random(seed, top_place(node), turn) * bright;
     var at = node;
@@ -376,11 +396,7 @@ fn add_objects(result: ptr<function, Gathered>, node: u32, receiver: Receiver, s
     }
     let object = bakes.top[at].object;
     let scale = scale_of(object);
-    // Areas of its own space.
-    let area = scale * scale;
-    let texels = bakes.objects[object].texel_count;
-    let local = to_local(object, receiver);
-    add_sender(result, Sender(0u, 0u), texels, place / area, bright / area, local, receiver, seed, turn);
+    return Messenger(object, Errand(bright / (scale * scale), place / (scale * scale)));
 }
 
 /// Light from all objects; `seed` is another one for each receiver. From turn to turn other texels send in the name of a node, evenly
@@ -401,10 +417,12 @@ fn gather(receiver: Receiver, seed: u32, turn: u32) -> Gathered {
                 index += 1u;
                 continue;
             }
-            if bound > 0.0 && object == NONE {
-                add_objects(&result, index, receiver, seed, turn);
-            } else if bound > 0.0 {
-                gather_from(&result, object, receiver, seed, turn);
+            if bound > 0.0 {
+                var sent = Messenger(object, NO_ERRAND);
+                if object == NONE {
+                    sent = choose_messenger(index, seed, turn);
+                }
+                gather_from(&result, sent.object, sent.errand, receiver, seed, turn);
             }
         }
         index = node.skip;
@@ -416,7 +434,7 @@ fn gather(receiver: Receiver, seed: u32, turn: u32) -> Gathered {
 fn gather(receiver: Receiver, seed: u32, turn: u32) -> Gathered {
     var result = Gathered();
     if bakes.count > 0u {
-        gather_from(&result, 0u, receiver, seed, turn);
+        gather_from(&result, 0u, NO_ERRAND, receiver, seed, turn);
     }
     return result;
 }

@@ -72,27 +72,33 @@ fn key_of(texel: vec2<u32>, deferred: vec4<u32>) -> u32 {
     return hash(texel.x ^ hash(texel.y ^ hash(deferred.r ^ hash(deferred.b)))) >> 8u;
 }
 
-// The mean of a pixel's light over the frames in which it shows the same, this one among them.
-fn mean_light(surface: Surface, key: u32, deferred: vec4<u32>, pixel: u32) -> Gathered {
+// A pixel's light; while everything rests, the mean over the frames in which it shows the same, this one among them.
+fn pixel_light(surface: Surface, key: u32, deferred: vec4<u32>, pixel: u32) -> Gathered {
     let at = KEPT_WORDS * pixel;
+    let is_mean = settings.frames > 1u;
     var frames = 0u;
     var mean = Gathered();
-    if settings.restart == 0u && (kept[at].w & 0xffffffu) == key {
+    if is_mean && settings.restart == 0u && (kept[at].w & 0xffffffu) == key {
         frames = kept[at].w >> 24u;
         mean.light = bitcast<vec3<f32>>(kept[at].xyz);
 #ifdef GLOSSY
         mean.glossy = bitcast<vec3<f32>>(kept[at + 1u].xyz);
 #endif
     }
-    if frames < settings.frames {
+    if frames == 0u || frames < settings.frames {
         let gathered = gather_pixel(surface, deferred, pixel, frames);
         frames += 1u;
+        mean.cut = gathered.cut;
         mean.light += (gathered.light - mean.light) / f32(frames);
-        kept[at] = vec4<u32>(bitcast<vec3<u32>>(mean.light), (frames << 24u) | key);
 #ifdef GLOSSY
         mean.glossy += (gathered.glossy - mean.glossy) / f32(frames);
-        kept[at + 1u] = vec4<u32>(bitcast<vec3<u32>>(mean.glossy), 0u);
 #endif
+        if is_mean {
+            kept[at] = vec4<u32>(bitcast<vec3<u32>>(mean.light), (frames << 24u) | key);
+#ifdef GLOSSY
+            kept[at + 1u] = vec4<u32>(bitcast<vec3<u32>>(mean.glossy), 0u);
+#endif
+        }
     }
     return mean;
 }
@@ -115,11 +121,7 @@ fn pixels(@builtin(global_invocation_id) id: vec3<u32>) {
 #ifdef CUT
         gathered = gather_pixel(surface, deferred, pixel, 0u);
 #else
-        if settings.frames > 1u {
-            gathered = mean_light(surface, key_of(texel, deferred), deferred, pixel);
-        } else {
-            gathered = gather_pixel(surface, deferred, pixel, 0u);
-        }
+        gathered = pixel_light(surface, key_of(texel, deferred), deferred, pixel);
 #endif
     }
 #ifdef CUT

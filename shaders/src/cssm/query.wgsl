@@ -234,12 +234,17 @@ fn sight(object: u32, texel: Texel, point: vec3<f32>, filtered: bool) -> f32 {
 /// Whether an object that neither of two places of the world is on stands between them. It is asked from outside its box; what
 /// lies between two places within that is not known.
 fn is_between(object: u32, a: vec3<f32>, b: vec3<f32>, aside: vec2<f32>) -> bool {
-    let start = to_object(object, a);
-    let end = to_object(object, b);
-    if is_outside(object, start) {
-        return is_blocking(object, start, end, aside);
+    var start = to_object(object, a);
+    var end = to_object(object, b);
+    if !is_outside(object, start) {
+        if !is_outside(object, end) {
+            return false;
+        }
+        let inside = start;
+        start = end;
+        end = inside;
     }
-    return is_outside(object, end) && is_blocking(object, end, start, aside);
+    return is_blocking(object, start, end, aside);
 }
 
 /// Objects as bits.

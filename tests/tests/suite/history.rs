@@ -1,5 +1,3 @@
-//! Bounced light averaged over frames: calm where the scene or the camera moves, and right in each frame.
+//! How bounced light is averaged over frames, kernel by kernel.
 
-mod calm;
-mod frames;
 mod shaders;

@@ -1,14 +1,13 @@
-//! Stages, shaders and techniques of bevy_bounce, by themselves and in frames. Few binaries, because each links Bevy; more than one, because
+//! Stages and shaders of bevy_bounce, by themselves and in frames. Few binaries, because each links Bevy; more than one, because
 //! software adapters keep the memory of every shader they compiled, and a process may have only so many pieces of it.
 
 mod agreement;
 mod compose;
-mod cssm;
 mod deform;
+mod eyes;
 mod guides;
 mod harness;
 mod history;
-mod lightmap;
 mod metrics;
 mod nested;
 mod octahedral;

@@ -3,10 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use bevy::material::descriptor::PipelineDescriptor;
+use bevy::pbr::ScreenSpaceReflections;
 use bevy::prelude::*;
 use bevy::render::render_resource::PipelineCache;
 use bevy::shader::{Shader, ShaderDefVal};
-use bevy_bounce::GiIsolate;
+use bevy_bounce::{GiIsolate, GiSettings, RadianceCacheSettings};
 use bevy_bounce_examples::scenes::CornellPlugin;
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::stage::{SMALL, Stage, illumination, run};
@@ -53,20 +54,26 @@ fn failures(shaders: &[(String, String, Vec<ShaderDefVal>)]) -> BTreeMap<&'stati
 /// more than it does.
 #[test]
 fn every_fragment_shader_translates_wherever_bevys_does() {
-    let mut run = run(UVec2::new(32, 32), Some(illumination(SMALL)));
+    let glossy = GiSettings { radiance_cache: RadianceCacheSettings { glossy: true, ..default() }, ..SMALL };
+    let mut run = run(UVec2::new(32, 32), Some(illumination(glossy)));
     run.webgpu_limits = true;
     run.isolate = GiIsolate::All;
     let scene = |app: &mut App| {
         app.add_plugins(CornellPlugin);
+        app.add_systems(PostStartup, |mut commands: Commands, camera: Single<Entity, With<Camera3d>>| {
+            commands.entity(*camera).insert(ScreenSpaceReflections::default());
+        });
     };
     let ours = fragment_shaders(&mut Stage::with_run(run.clone(), scene), "bevy_bounce/");
     let paths: BTreeSet<_> = ours.iter().map(|(path, ..)| path.as_str()).collect();
-    let expected =
-        ["compose/compose.wgsl", "compose/direct.wgsl", "ssbc/apply.wgsl"].map(|path| format!("bevy_bounce/{path}"));
+    let expected = ["compose/compose.wgsl", "compose/direct.wgsl", "compose/reflections.wgsl", "ssbc/apply.wgsl"]
+        .map(|path| format!("bevy_bounce/{path}"));
     assert_eq!(paths, expected.iter().map(String::as_str).collect());
     run.plain_bevy = true;
     run.illumination = None;
-    let bevys = fragment_shaders(&mut Stage::with_run(run, scene), "embedded://bevy_pbr/deferred/deferred_lighting");
+    let mut stage = Stage::with_run(run, scene);
+    let mut bevys = fragment_shaders(&mut stage, "embedded://bevy_pbr/deferred/deferred_lighting");
+    bevys.extend(fragment_shaders(&mut stage, "embedded://bevy_pbr/ssr/ssr"));
     let (ours, bevys) = (failures(&ours), failures(&bevys));
     for language in ["SPIR-V", "MSL 2.1", "HLSL 5.1"] {
         assert_eq!(ours.get(language), None);

@@ -1,7 +1,3 @@
-//! Radiance caches: which clusters of pixels there are, what caches hold, and whole frames.
+//! Which clusters of pixels have a radiance cache, and where it is.
 
 mod clusters;
-mod coverage;
-mod light;
-mod stage;
-mod table;

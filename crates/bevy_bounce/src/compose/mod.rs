@@ -5,7 +5,8 @@
 //! 1. `surface` packs depth and normal of Bevy's G-buffer for the passes of a view.
 //! 2. `direct` lights with Bevy's own functions, and keeps the diffuse part aside.
 //! 3. Bounced light is shaded, compensated and averaged over frames.
-//! 4. `compose` adds up: direct + indirect * diffuse colour * occlusion + emission, then fog, before screen-space
+//! 4. Where Bevy's screen-space reflections are on, what they will show is taken from glossy light and from the mirrored sky.
+//! 5. `compose` adds up: direct + indirect * diffuse colour * occlusion + emission, then fog, before screen-space
 //!    reflections and everything drawn forward. Where the sky bounces by virtual lights, what surfaces mirror of an environment map
 //!    is added in proportion to what of the sky they see.
 //!
@@ -17,11 +18,12 @@ mod extract;
 mod masked;
 mod passes;
 mod pipelines;
+mod reflections;
 
 use bevy::core_pipeline::core_3d::main_opaque_pass_3d;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::pbr::deferred::{deferred_lighting, prepare_deferred_lighting_pipelines};
-use bevy::pbr::{MeshPipelineSystems, screen_space_reflections};
+use bevy::pbr::{MeshPipelineSystems, prepare_ssr_pipelines, screen_space_reflections};
 use bevy::prelude::*;
 use bevy::render::extract_component::ExtractComponent;
 use bevy::render::render_resource::SpecializedRenderPipelines;
@@ -122,6 +124,8 @@ pub enum ViewPass {
     Compensate,
     /// It is averaged over frames.
     History,
+    /// What screen-space reflections will show is taken from glossy light and the mirrored sky.
+    Reflections,
     /// Into the picture.
     Compose,
     /// Something alone over the picture, after the main pass, where [`GiIsolate`] asks for it.
@@ -146,6 +150,7 @@ impl Plugin for GiComposePlugin {
         configure_stages(render_app);
         render_app
             .init_gpu_resource::<SpecializedRenderPipelines<pipelines::ComposePipelines>>()
+            .init_gpu_resource::<reflections::WithoutEnvironmentMaps>()
             .add_systems(
                 RenderStartup,
                 (pipelines::init_compose_pipelines.after(MeshPipelineSystems), forget_components::<ViewTextures>),
@@ -158,6 +163,10 @@ impl Plugin for GiComposePlugin {
                         .in_set(RenderSystems::Prepare)
                         .after(GiSystems::PrepareScene)
                         .before(prepare_deferred_lighting_pipelines),
+                    reflections::take_environment_maps_from_reflections
+                        .in_set(RenderSystems::Prepare)
+                        .after(pipelines::prepare_compose_pipelines)
+                        .after(prepare_ssr_pipelines),
                     masked::draw_masked_surfaces_once
                         .after(RenderSystems::PrepareAssets)
                         .before(RenderSystems::Specialize),
@@ -175,6 +184,7 @@ impl Plugin for GiComposePlugin {
                     ViewPass::CacheEvaluation,
                     ViewPass::Compensate,
                     ViewPass::History,
+                    ViewPass::Reflections,
                     ViewPass::Compose,
                 )
                     .chain()
@@ -192,6 +202,7 @@ impl Plugin for GiComposePlugin {
                 (
                     passes::surface_pass.in_set(ViewPass::Surface),
                     passes::direct_pass.in_set(ViewPass::Direct),
+                    reflections::reflections_pass.in_set(ViewPass::Reflections),
                     passes::compose_pass.in_set(ViewPass::Compose),
                     passes::isolate_pass.in_set(ViewPass::Isolate),
                 ),

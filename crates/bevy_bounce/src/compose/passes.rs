@@ -41,7 +41,7 @@ fn cleared(view: &TextureView, value: LinearRgba) -> Option<RenderPassColorAttac
 }
 
 /// A triangle over everything, with Bevy's view bindings in groups 0 and 1.
-fn draw<'a>(
+pub(super) fn draw<'a>(
     pass: &mut TrackedRenderPass<'a>,
     pipeline: &'a RenderPipeline,
     view: &'a MeshViewBindGroup,

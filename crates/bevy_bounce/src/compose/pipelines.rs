@@ -14,9 +14,11 @@ use bevy::render::render_resource::{
     RenderPipelineDescriptor, ShaderStages, SpecializedRenderPipeline, SpecializedRenderPipelines, StencilState,
     StorageTextureAccess, TextureFormat, TextureSampleType, VertexState,
 };
+use bevy::render::renderer::RenderDevice;
 use bevy::render::view::{ExtractedView, ViewUniform};
 use bevy::shader::{Shader, ShaderDefVal};
 
+use super::reflections::{ReflectionBindings, TAKE};
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, has_failed};
 use crate::scene::SceneBuffers;
 use crate::view::GiView;
@@ -39,6 +41,8 @@ pub(super) struct ComposePipelines {
     fullscreen: FullscreenShader,
     direct_shader: Handle<Shader>,
     compose_shader: Handle<Shader>,
+    reflections_shader: Handle<Shader>,
+    reflections_layout: BindGroupLayoutDescriptor,
 }
 
 /// What becomes of Bevy's light by environment maps.
@@ -80,6 +84,11 @@ impl SkyViews<'_> {
         if bounces && self.has_map(view) { EnvironmentMaps::under(gi.technique) } else { EnvironmentMaps::Kept }
     }
 
+    /// Whether the sky bounces in a view that has an environment map: what is mirrored of that is ours, then.
+    pub fn bounce(&self, gi: &GiView, view: &ExtractedView) -> bool {
+        self.environment_maps(gi, view) != EnvironmentMaps::Kept
+    }
+
     /// Whether what a view's surfaces mirror of the sky is shadowed.
     pub fn are_shadowed(&self, gi: &GiView, view: &ExtractedView) -> bool {
         self.environment_maps(gi, view) == EnvironmentMaps::Shadowed
@@ -95,6 +104,11 @@ pub(super) enum Pass {
         environment_maps: EnvironmentMaps,
         /// Under a shadowed sky: glossy bounced light is added to it.
         glossy: bool,
+    },
+    /// What screen-space reflections show is taken from so many targets.
+    Reflections {
+        /// Glossy light, the mirrored sky, or both.
+        targets: usize,
     },
     /// Into the picture, with bounced light or without.
     Compose {
@@ -125,6 +139,8 @@ pub(super) enum Pass {
 pub(super) struct ViewPipelines {
     /// Direct light.
     pub direct: CachedRenderPipelineId,
+    /// What screen-space reflections show is taken, where they are on and there is something to take it from.
+    pub reflections: Option<CachedRenderPipelineId>,
     /// Into the picture.
     pub compose: CachedRenderPipelineId,
     /// Something alone over the finished picture, where that is asked for.
@@ -133,7 +149,7 @@ pub(super) struct ViewPipelines {
 
 impl ViewPipelines {
     fn ids(&self) -> impl Iterator<Item = CachedRenderPipelineId> + use<> {
-        [Some(self.direct), Some(self.compose), self.isolate].into_iter().flatten()
+        [Some(self.direct), self.reflections, Some(self.compose), self.isolate].into_iter().flatten()
     }
 }
 
@@ -143,6 +159,7 @@ pub(super) fn init_compose_pipelines(
     shaders: Res<GiShaders>,
     mesh_pipeline: Res<MeshPipeline>,
     fullscreen: Res<FullscreenShader>,
+    device: Res<RenderDevice>,
 ) {
     let surface = Kernel::new(
         &cache,
@@ -177,6 +194,7 @@ pub(super) fn init_compose_pipelines(
             ),
         ),
     );
+    let reflections = ReflectionBindings::new(&device);
     commands.insert_resource(ComposePipelines {
         surface,
         direct_layout,
@@ -185,7 +203,10 @@ pub(super) fn init_compose_pipelines(
         fullscreen: fullscreen.clone(),
         direct_shader: shaders.get("compose/direct.wgsl"),
         compose_shader: shaders.get("compose/compose.wgsl"),
+        reflections_shader: shaders.get("compose/reflections.wgsl"),
+        reflections_layout: reflections.layout.clone(),
     });
+    commands.insert_resource(reflections);
 }
 
 impl ComposePipelines {
@@ -254,8 +275,18 @@ impl SpecializedRenderPipeline for ComposePipelines {
         if let Pass::Direct { environment_maps: EnvironmentMaps::Replaced, .. } = pass {
             shader_defs.retain(|def| *def != ShaderDefVal::from("ENVIRONMENT_MAP"));
         }
+        if let Pass::Reflections { targets } = pass {
+            if targets > 1 {
+                shader_defs.push("SECOND_TARGET".into());
+            }
+            #[cfg(not(target_arch = "wasm32"))]
+            shader_defs.push("USE_DEPTH_SAMPLERS".into());
+        }
         let (label, shader, entry_point, group_layout) = match pass {
             Pass::Direct { .. } => ("bounce_direct", &self.direct_shader, "fragment", &self.direct_layout),
+            Pass::Reflections { .. } => {
+                ("bounce_reflections", &self.reflections_shader, "take", &self.reflections_layout)
+            }
             Pass::Compose { .. } => ("bounce_compose", &self.compose_shader, "compose", &self.compose_layout),
             Pass::Isolate { entry, .. } => ("bounce_isolate", &self.compose_shader, entry, &self.compose_layout),
         };
@@ -264,6 +295,11 @@ impl SpecializedRenderPipeline for ComposePipelines {
             Pass::Direct { .. } => {
                 let half = TextureFormat::Rgba16Float;
                 (self.fullscreen.to_vertex_state(), vec![target(half); if shadowed { 3 } else { 2 }], None)
+            }
+            Pass::Reflections { targets } => {
+                let format = TextureFormat::Rgba16Float;
+                let target = ColorTargetState { format, blend: Some(TAKE), write_mask: ColorWrites::COLOR };
+                (self.fullscreen.to_vertex_state(), vec![Some(target); targets], None)
             }
             Pass::Compose { .. } => {
                 let vertex = VertexState {
@@ -338,7 +374,10 @@ pub(super) fn prepare_compose_pipelines(
         let mut all = |environment_maps| {
             let (indirect, sky) = (gi.isolate != GiIsolate::Direct, environment_maps == EnvironmentMaps::Shadowed);
             let isolate = Pass::Isolate { glossy, coat, sky, entry: entry(gi.isolate) };
+            let targets = usize::from(glossy) + usize::from(sky);
+            let reflects = targets > 0 && key.contains(MeshPipelineKey::SCREEN_SPACE_REFLECTIONS);
             ViewPipelines {
+                reflections: reflects.then(|| pipeline(Pass::Reflections { targets })),
                 direct: pipeline(Pass::Direct { environment_maps, glossy: glossy && sky }),
                 compose: pipeline(Pass::Compose { indirect, glossy, coat, sky }),
                 isolate: gi.isolate.is_alone().then(|| pipeline(isolate)),

@@ -1,0 +1,6 @@
+//! Radiance caches: what they hold, and whole frames.
+
+mod coverage;
+mod light;
+mod stage;
+mod table;
