@@ -82,7 +82,8 @@ impl Plugin for StageClockPlugin {
                     view(Some("cache_creation")).after(ViewPass::CacheCreation).before(ViewPass::CacheEvaluation),
                     view(Some("cache_evaluation")).after(ViewPass::CacheEvaluation).before(ViewPass::Compensate),
                     view(Some("ssbc")).after(ViewPass::Compensate).before(ViewPass::History),
-                    view(Some("history")).after(ViewPass::History).before(ViewPass::Compose),
+                    view(Some("history")).after(ViewPass::History).before(ViewPass::Reflections),
+                    view(Some("reflections")).after(ViewPass::Reflections).before(ViewPass::Compose),
                     view(Some("compose")).after(ViewPass::Compose).before(main_opaque_pass_3d),
                 ),
             );

@@ -127,6 +127,9 @@ fn bevy_shaders() -> Vec<Shader> {
     // Some are only added here.
     app.finish();
     app.cleanup();
+    // Loaded by what draws with it, of which there is nothing without a renderer.
+    const FULLSCREEN: &str = "embedded://bevy_core_pipeline/fullscreen_vertex_shader/fullscreen.wgsl";
+    let _fullscreen: Handle<Shader> = app.world().resource::<AssetServer>().load(FULLSCREEN);
     // They are embedded, yet load as assets do: wait until no more have come for a while.
     let (mut loaded, mut since) = (0, Instant::now());
     while since.elapsed() < Duration::from_millis(500) {

@@ -10,6 +10,14 @@ use crate::process::{cargo, run, shared};
 use crate::setup::setup;
 use crate::table::{Table, duration};
 
+/// Test binaries that use a device, which the second run of tests is of.
+const DEVICE_TESTS: [&str; 5] = ["suite", "baked", "caches", "frames", "settings"];
+
+/// Tests that run once, by parts of their names: what no device takes part in, and what compares many pictures with references or with each
+/// other. That both limits light a scene alike is for the tests of single scenes.
+const ONCE: [&str; 7] =
+    ["guides::", "lightmap::", "metrics::", "cssm::references", "poses_equal", "coverage::", "calm::"];
+
 /// Steps in the order they run. Clippy leaves the dependencies' metadata behind, which `docs` uses again; both test
 /// runs share one build.
 const STEPS: [(&str, fn() -> Result<()>); 8] = [
@@ -19,7 +27,7 @@ const STEPS: [(&str, fn() -> Result<()>); 8] = [
     ("crates", crates),
     ("clippy", || run(&mut cargo(["clippy", "--workspace", "--all-targets", "--locked", "--", "--deny", "warnings"]))),
     ("test", || run(&mut tests())),
-    ("webgpu", || run(tests().env("WGPU_SETTINGS_PRIO", "webgpu").env("BOUNCE_WEBGPU_LIMITS", "1"))),
+    ("webgpu", || run(&mut webgpu_tests())),
     ("docs", || run(cargo(["doc", "--workspace", "--no-deps", "--locked"]).env("RUSTDOCFLAGS", "--deny warnings"))),
 ];
 
@@ -56,6 +64,15 @@ fn tests() -> Command {
     if let Some(folder) = shared() {
         command.env("BOUNCE_SHARED", folder).env("BOUNCE_STRICT", "1");
     }
+    command
+}
+
+/// The same build with WebGPU's default limits.
+fn webgpu_tests() -> Command {
+    let mut command = tests();
+    command.env("WGPU_SETTINGS_PRIO", "webgpu").env("BOUNCE_WEBGPU_LIMITS", "1");
+    command.args(DEVICE_TESTS.iter().flat_map(|name| ["--test", name]));
+    command.arg("--").args(ONCE.iter().flat_map(|name| ["--skip", name]));
     command
 }
 
@@ -107,7 +124,9 @@ mod tests {
     }
 
     #[test]
-    fn both_test_runs_are_one_build() {
-        assert_eq!(crate::process::line(&tests()), "cargo test --workspace --locked --no-fail-fast");
+    fn test_runs_are_one_build() {
+        let (first, second) = (crate::process::line(&tests()), crate::process::line(&webgpu_tests()));
+        assert_eq!(first, "cargo test --workspace --locked --no-fail-fast");
+        assert!(second.starts_with(&format!("{first} --test suite")), "{second}");
     }
 }

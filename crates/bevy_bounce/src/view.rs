@@ -19,11 +19,11 @@ use bevy::camera::MainPassResolutionOverride;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_resource::{
-    Extent3d, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
-    TextureViewDescriptor, TextureViewDimension,
+    BindingResource, BufferBinding, Extent3d, ShaderType, Texture, TextureDescriptor, TextureDimension, TextureFormat,
+    TextureUsages, TextureView, TextureViewDescriptor, TextureViewDimension,
 };
 use bevy::render::renderer::RenderDevice;
-use bevy::render::view::ExtractedView;
+use bevy::render::view::{ExtractedView, ViewUniform, ViewUniformOffset, ViewUniforms};
 
 use crate::compose::SkyViews;
 use crate::{GiIsolate, GiSettings, Technique};
@@ -156,6 +156,13 @@ impl ViewTextures {
             (names[i], texels * u64::from(texture.format().block_copy_size(None).unwrap_or(0)))
         })
     }
+}
+
+/// Bevy's uniform of a view.
+pub(crate) fn view_binding<'a>(uniforms: &'a ViewUniforms, offset: &ViewUniformOffset) -> Option<BindingResource<'a>> {
+    let buffer = uniforms.uniforms.buffer()?;
+    let (offset, size) = (offset.offset.into(), Some(ViewUniform::min_size()));
+    Some(BindingResource::Buffer(BufferBinding { buffer, offset, size }))
 }
 
 /// Pixels that the main pass of a view draws; `None` where there are none.

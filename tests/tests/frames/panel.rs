@@ -282,7 +282,7 @@ fn settings_are_within_reach_of_reflection() {
 /// A camera with a budget: the panel says what is left of the quality, and does not offer that as a setting.
 #[test]
 fn a_budget_is_no_setting() {
-    let size = UVec2::new(720, 540);
+    let size = UVec2::new(360, 540);
     let mut stage = Stage::new(size, SMALL, |app| {
         app.add_plugins((CornellPlugin, BouncePanelPlugin { open: true, ..default() }));
     });

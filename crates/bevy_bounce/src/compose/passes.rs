@@ -18,10 +18,10 @@ use bevy::render::render_resource::{
     StoreOp, TextureView,
 };
 use bevy::render::renderer::{RenderContext, ViewQuery};
-use bevy::render::view::{ViewTarget, ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{ViewTarget, ViewUniformOffset, ViewUniforms};
 
 use super::pipelines::{ComposePipelines, ViewPipelines};
-use crate::view::ViewTextures;
+use crate::view::{ViewTextures, view_binding};
 
 /// Edge of a workgroup of `compose/surface.wgsl`, pixels.
 const TILE: u32 = 8;
@@ -72,12 +72,12 @@ pub(super) fn surface_pass(
     else {
         return;
     };
-    let (Some(view_uniforms), Some(pass_ids)) = (view_uniforms.uniforms.buffer(), pass_ids.buffer()) else { return };
+    let (Some(view), Some(pass_ids)) = (view_binding(&view_uniforms, view_offset), pass_ids.buffer()) else { return };
     let bind_group = pipelines.surface.bind(
         ctx.render_device(),
         &cache,
         &[
-            element(view_uniforms, view_offset.offset, ViewUniform::min_size()),
+            view,
             BindingResource::TextureView(depth),
             BindingResource::TextureView(deferred),
             BindingResource::TextureView(&pass_id_texture.texture.default_view),

@@ -3,18 +3,16 @@
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{
-    BindGroup, BindingResource, BufferBinding, CommandEncoder, PipelineCache, ShaderType,
-};
+use bevy::render::render_resource::{BindGroup, BindingResource, CommandEncoder, PipelineCache};
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
-use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{ViewUniformOffset, ViewUniforms};
 
 use super::pipelines::{CssmPipelines, bind_maps};
 use super::pixels::PixelLight;
 use super::prepare::{Baked, Light, Next};
 use crate::compute::{Kernel, folded, whole};
 use crate::scene::SceneBuffers;
-use crate::view::{GiView, ViewTextures};
+use crate::view::{GiView, ViewTextures, view_binding};
 use crate::{CssmReceivers, Technique};
 
 /// Threads of a workgroup.
@@ -321,12 +319,11 @@ pub(super) fn light_pixels(
     mut ctx: RenderContext,
 ) {
     let (gi, light, textures, prepass, offset) = view.into_inner();
-    let (Some(baked), Some(p), Some(buffer)) = (baked, pipelines, view_uniforms.uniforms.buffer()) else { return };
+    let (Some(baked), Some(p), Some(view)) = (baked, pipelines, view_binding(&view_uniforms, offset)) else { return };
     if gi.technique != Technique::SurfaceRadiosity {
         return;
     }
-    let view = BufferBinding { buffer, offset: offset.offset.into(), size: Some(ViewUniform::min_size()) };
-    let pixels = Pixels { baked: &baked, light, view: BindingResource::Buffer(view), textures, prepass };
+    let pixels = Pixels { baked: &baked, light, view, textures, prepass };
     let (kernels, glossy) = (p.gather(baked.count()), pixels.are_glossy());
     let device = ctx.render_device();
     let (kernel, groups) = match gi.settings.cssm.receivers {

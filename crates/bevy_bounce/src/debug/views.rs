@@ -8,19 +8,19 @@ use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, texture_2d, texture_3d, texture_storage_2d, uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
-    BindGroup, BindGroupLayoutEntryBuilder, BindingResource, BufferBinding, LoadOp, Operations, PipelineCache,
-    RenderPassColorAttachment, RenderPassDescriptor, ShaderType, StorageTextureAccess, StoreOp, TextureFormat,
-    TextureSampleType, TextureView,
+    BindGroup, BindGroupLayoutEntryBuilder, BindingResource, LoadOp, Operations, PipelineCache,
+    RenderPassColorAttachment, RenderPassDescriptor, StorageTextureAccess, StoreOp, TextureFormat, TextureSampleType,
+    TextureView,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
-use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{ViewUniformOffset, ViewUniforms};
 
 use crate::avg::{VoxelGrid, bind_grid, grid_layout};
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, folded, whole};
 use crate::cssm::{Baked, PixelLight, Pixels, pixel_kernel};
 use crate::radiance_cache::{CacheBuffers, VoxelLight};
 use crate::shadow_atlas::ShadowAtlas;
-use crate::view::{GiView, ViewTextures};
+use crate::view::{GiView, ViewTextures, view_binding};
 use crate::vpl::VplBuffers;
 use crate::{GiIsolate, Technique};
 
@@ -190,7 +190,7 @@ pub(super) fn draw_picture(
     mut ctx: RenderContext,
 ) {
     let (gi, textures, offset, caches, baked_view) = view.into_inner();
-    let Some(buffer) = view_uniforms.uniforms.buffer().filter(|_| gi.isolate.is_picture()) else { return };
+    let Some(view) = view_binding(&view_uniforms, offset).filter(|_| gi.isolate.is_picture()) else { return };
     let ops = Operations { load: LoadOp::Clear(LinearRgba::BLACK.into()), store: StoreOp::Store };
     ctx.begin_tracked_render_pass(RenderPassDescriptor {
         label: Some("bounce_clear_picture"),
@@ -202,8 +202,6 @@ pub(super) fn draw_picture(
         })],
         ..default()
     });
-    let view = BufferBinding { buffer, offset: offset.offset.into(), size: Some(ViewUniform::min_size()) };
-    let view = BindingResource::Buffer(view);
     let baked_view = baked_view.filter(|_| gi.technique == Technique::SurfaceRadiosity);
     let pixels = baked_view.zip(held.baked.as_deref()).map(|((light, prepass), baked)| Pixels {
         baked,

@@ -3,13 +3,13 @@
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{BindingResource, BufferBinding, PipelineCache, ShaderType, TextureView};
+use bevy::render::render_resource::{BindingResource, PipelineCache, TextureView};
 use bevy::render::renderer::{RenderContext, ViewQuery};
-use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{ViewUniformOffset, ViewUniforms};
 
 use super::History;
 use super::pipelines::HistoryPipelines;
-use crate::view::ViewTextures;
+use crate::view::{ViewTextures, view_binding};
 
 /// Edge of a workgroup.
 const GROUP: u32 = 8;
@@ -27,16 +27,11 @@ pub(super) fn average(
 ) {
     let (textures, history, prepass, offset) = view.into_inner();
     let Some(p) = pipelines.filter(|p| p.are_ready(&cache)) else { return };
-    let (Some(view_buffer), Some(parameters), Some(motion)) =
-        (view_uniforms.uniforms.buffer(), history.parameters.binding(), prepass.motion_vectors_view())
+    let (Some(view), Some(parameters), Some(motion)) =
+        (view_binding(&view_uniforms, offset), history.parameters.binding(), prepass.motion_vectors_view())
     else {
         return;
     };
-    let view = BindingResource::Buffer(BufferBinding {
-        buffer: view_buffer,
-        offset: offset.offset.into(),
-        size: Some(ViewUniform::min_size()),
-    });
     let groups = textures.size.map(|pixels| pixels.div_ceil(GROUP)).extend(1);
 
     let diagnostics = ctx.diagnostic_recorder();

@@ -2,9 +2,9 @@
 
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{BindingResource, BufferBinding, PipelineCache, ShaderType, TextureView};
+use bevy::render::render_resource::{BindingResource, PipelineCache, TextureView};
 use bevy::render::renderer::{RenderContext, ViewQuery};
-use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{ViewUniformOffset, ViewUniforms};
 
 use super::pipelines::{InterleavedPipelines, PassesKey};
 use crate::Technique;
@@ -13,7 +13,7 @@ use crate::compute::{GiShaders, whole};
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::shadow_atlas::{ShadowAtlas, bind_visibility};
-use crate::view::{GiView, ViewTextures};
+use crate::view::{GiView, ViewTextures, view_binding};
 use crate::vpl::VplBuffers;
 
 /// Edge of a tile of texels of one sub-image, times the edge of the 4x4 blocks.
@@ -41,7 +41,8 @@ pub(super) fn shade(
     if gi.technique != Technique::InstantRadiosity {
         return;
     }
-    let (Some(view_buffer), Some(grid_uniform)) = (view_uniforms.uniforms.buffer(), grid.uniform.binding()) else {
+    let (Some(view_uniform), Some(grid_uniform)) = (view_binding(&view_uniforms, offset), grid.uniform.binding())
+    else {
         return;
     };
     let sky = (scene.sky_count() > 0 && gi.settings.sky > 0).then_some(&*scene);
@@ -50,11 +51,6 @@ pub(super) fn shade(
     else {
         return;
     };
-    let view_uniform = BindingResource::Buffer(BufferBinding {
-        buffer: view_buffer,
-        offset: offset.offset.into(),
-        size: Some(ViewUniform::min_size()),
-    });
     let sky_seen = textures.sky_seen.as_ref().filter(|_| sky.is_some());
     let key =
         PassesKey { visibility, resolution: gi.settings.resolution, sky: sky.is_some(), sky_seen: sky_seen.is_some() };

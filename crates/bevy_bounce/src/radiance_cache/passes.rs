@@ -3,11 +3,9 @@
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{
-    BindGroup, BindingResource, BufferBinding, CommandEncoder, PipelineCache, ShaderType, TextureView,
-};
+use bevy::render::render_resource::{BindGroup, BindingResource, CommandEncoder, PipelineCache, TextureView};
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
-use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{ViewUniformOffset, ViewUniforms};
 
 use super::pipelines::{CachePipelines, bind_volume};
 use super::prepare::{BLOCK_PIXELS, CacheBuffers};
@@ -17,7 +15,7 @@ use crate::avg::VoxelGrid;
 use crate::compute::{folded, whole};
 use crate::scene::{SceneBuffers, SkyBuffers};
 use crate::sort::SortPipelines;
-use crate::view::{GiView, ViewTextures};
+use crate::view::{GiView, ViewTextures, view_binding};
 
 /// Threads of a workgroup over pixels.
 const GROUP: u32 = 64;
@@ -132,15 +130,6 @@ fn place(
     let capacity = held.parameters.get().capacity;
     p.keep.dispatch(encoder, cache, &[&groups.keep], folded(capacity.div_ceil(GROUP)));
     p.place.dispatch(encoder, cache, &[&groups.place], folded(capacity));
-}
-
-fn view_binding<'a>(uniforms: &'a ViewUniforms, offset: &ViewUniformOffset) -> Option<BindingResource<'a>> {
-    let buffer = uniforms.uniforms.buffer()?;
-    Some(BindingResource::Buffer(BufferBinding {
-        buffer,
-        offset: offset.offset.into(),
-        size: Some(ViewUniform::min_size()),
-    }))
 }
 
 /// Clusters of a view's pixels, and a cache for each.

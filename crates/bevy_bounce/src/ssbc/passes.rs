@@ -4,18 +4,18 @@ use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
-    BindGroup, BindingResource, BufferBinding, CommandEncoder, LoadOp, Operations, PipelineCache,
-    RenderPassColorAttachment, RenderPassDescriptor, ShaderType, StoreOp, TextureView,
+    BindGroup, BindingResource, CommandEncoder, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
+    RenderPassDescriptor, StoreOp, TextureView,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
-use bevy::render::view::{ViewUniform, ViewUniformOffset, ViewUniforms};
+use bevy::render::view::{ViewUniformOffset, ViewUniforms};
 
 use super::SsbcTextures;
 use super::pipelines::SsbcPipelines;
 use crate::GiIsolate;
 use crate::avg::VoxelGrid;
 use crate::compute::{bind_group, whole};
-use crate::view::{GiView, ViewTextures};
+use crate::view::{GiView, ViewTextures, view_binding};
 use crate::vpl::VplBuffers;
 
 /// Edge of a workgroup.
@@ -137,25 +137,13 @@ pub(super) fn compensate(
     if gi.isolate == GiIsolate::Bounded || !p.are_ready(&cache) {
         return;
     }
-    let (Some(view_buffer), Some(parameters), Some(grid_uniform)) =
-        (view_uniforms.uniforms.buffer(), ours.parameters.binding(), grid.uniform.binding())
+    let (Some(view), Some(parameters), Some(grid_uniform)) =
+        (view_binding(&view_uniforms, offset), ours.parameters.binding(), grid.uniform.binding())
     else {
         return;
     };
     let (Some(deferred), Some(apply)) = (prepass.deferred_view(), cache.get_render_pipeline(p.apply)) else { return };
-    let inputs = Inputs {
-        view: BindingResource::Buffer(BufferBinding {
-            buffer: view_buffer,
-            offset: offset.offset.into(),
-            size: Some(ViewUniform::min_size()),
-        }),
-        parameters,
-        deferred,
-        vpl: &vpl,
-        grid: grid_uniform,
-        textures,
-        ours,
-    };
+    let inputs = Inputs { view, parameters, deferred, vpl: &vpl, grid: grid_uniform, textures, ours };
     let groups = inputs.groups(&p, ctx.render_device(), &cache);
     let sizes = Sizes::new(textures, ours);
 

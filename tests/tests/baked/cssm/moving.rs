@@ -97,7 +97,7 @@ fn two_bakes_light_as_one_does() {
 #[test]
 fn poses_equal_their_references() {
     let bounds = Bounds { energy: Some((0.93, 1.07)), low: Some(0.2), flip: None, nrmse: None };
-    let (mut stage, block) = in_two(SIZE, radiosity(4.0, 10), FINE_ATLASES);
+    let (mut stage, block) = in_two(SIZE, radiosity(16.0, 10), FINE_ATLASES);
     for (number, pose) in poses().into_iter().enumerate() {
         place(&mut stage, block, pose);
         let picture = stage.picture();

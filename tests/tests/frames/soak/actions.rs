@@ -4,6 +4,7 @@ use bevy::asset::RenderAssetUsages;
 use bevy::camera::{RenderTarget, ScalingMode, Viewport};
 use bevy::light::Skybox;
 use bevy::mesh::PrimitiveTopology;
+use bevy::pbr::ScreenSpaceReflections;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureUsages};
 use bevy_bounce::{CssmObject, GiLight, GlobalIllumination, VoxelizedGroup, VoxelizedMesh};
@@ -50,6 +51,7 @@ pub const ACTIONS: &[(&str, Action)] = &[
     ("sky", sky),
     ("skybox", skybox),
     ("drop sky asset", drop_sky_asset),
+    ("reflections", reflections),
     ("settings", settings),
     ("settings", settings),
     ("isolate", look_at),
@@ -254,8 +256,12 @@ fn drop_material_asset(soak: &mut Soak) {
 
 fn move_mesh(soak: &mut Soak) {
     if let Some(entity) = some(&mut soak.random, &soak.meshes) {
-        let place = place(&mut soak.random);
-        soak.stage.world().entity_mut(entity).insert(place);
+        let mut place = place(&mut soak.random);
+        let world = soak.stage.world();
+        if world.get::<Children>(entity).is_some() && !has_size(&place) {
+            place.scale = Vec3::ONE;
+        }
+        world.entity_mut(entity).insert(place);
     }
 }
 
@@ -291,6 +297,11 @@ fn hide(soak: &mut Soak) {
     }
 }
 
+/// Lamps within what has none make Bevy panic.
+fn has_size(place: &Transform) -> bool {
+    place.scale.abs().min_element() > 0.0
+}
+
 /// Under another mesh, or out from under it.
 fn adopt(soak: &mut Soak) {
     let all: Vec<Entity> = soak.meshes.iter().chain(&soak.lights).copied().collect();
@@ -298,6 +309,9 @@ fn adopt(soak: &mut Soak) {
         return;
     };
     let world = soak.stage.world();
+    if !world.get::<Transform>(parent).is_some_and(has_size) {
+        return;
+    }
     let mut above = Some(parent);
     while let Some(entity) = above {
         if entity == child {
@@ -357,30 +371,44 @@ fn group(soak: &mut Soak) {
     };
 }
 
-/// An even sky that lights, for a camera, or none.
-fn sky(soak: &mut Soak) {
-    let (camera, color) = (camera(soak), color(&mut soak.random));
+/// An even sky, or none.
+fn even_sky(soak: &mut Soak) -> Option<EnvironmentMapLight> {
+    let color = color(&mut soak.random);
     let (intensity, remove) = (2000.0 * soak.random.f32(), soak.random.u32(0..3) == 0);
-    let world = soak.stage.world();
-    if remove {
-        world.entity_mut(camera).remove::<EnvironmentMapLight>();
-        return;
-    }
-    let even = EnvironmentMapLight::solid_color(&mut world.resource_mut::<Assets<Image>>(), color);
-    world.entity_mut(camera).insert(EnvironmentMapLight { intensity, ..even });
+    let mut images = soak.stage.world().resource_mut::<Assets<Image>>();
+    (!remove).then(|| EnvironmentMapLight { intensity, ..EnvironmentMapLight::solid_color(&mut images, color) })
+}
+
+/// One that lights, for a camera, or none.
+fn sky(soak: &mut Soak) {
+    let (camera, even) = (camera(soak), even_sky(soak));
+    let mut camera = soak.stage.world().entity_mut(camera);
+    match even {
+        Some(even) => camera.insert(even),
+        None => camera.remove::<EnvironmentMapLight>(),
+    };
 }
 
 /// One that is seen.
 fn skybox(soak: &mut Soak) {
-    let (camera, color) = (camera(soak), color(&mut soak.random));
-    let (brightness, remove) = (2000.0 * soak.random.f32(), soak.random.u32(0..3) == 0);
-    let world = soak.stage.world();
-    if remove {
-        world.entity_mut(camera).remove::<Skybox>();
-        return;
-    }
-    let even = EnvironmentMapLight::solid_color(&mut world.resource_mut::<Assets<Image>>(), color);
-    world.entity_mut(camera).insert(Skybox { image: Some(even.specular_map), brightness, ..default() });
+    let (camera, even) = (camera(soak), even_sky(soak));
+    let mut camera = soak.stage.world().entity_mut(camera);
+    match even {
+        Some(EnvironmentMapLight { specular_map, intensity, .. }) => {
+            camera.insert(Skybox { image: Some(specular_map), brightness: intensity, ..default() })
+        }
+        None => camera.remove::<Skybox>(),
+    };
+}
+
+/// Bevy's reflections on the screen, or none.
+fn reflections(soak: &mut Soak) {
+    let (camera, remove) = (camera(soak), soak.random.u32(0..3) == 0);
+    let mut camera = soak.stage.world().entity_mut(camera);
+    match remove {
+        true => camera.remove::<ScreenSpaceReflections>(),
+        false => camera.insert(ScreenSpaceReflections::default()),
+    };
 }
 
 fn drop_sky_asset(soak: &mut Soak) {
