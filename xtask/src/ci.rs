@@ -1,5 +1,6 @@
 //! Everything a change must pass, on a bare machine too.
 
+use std::num::NonZero;
 use std::process::Command;
 use std::time::{Duration, Instant};
 
@@ -59,8 +60,14 @@ pub fn ci(names: &[String]) -> Result<()> {
     if failed.is_empty() { Ok(()) } else { Err(format!("failed: {}", failed.join(", ")).into()) }
 }
 
+/// Unless the environment says how many tests run at once, one more than there are processors: a test that waits for a frame of a software
+/// adapter leaves one idle.
 fn tests() -> Command {
     let mut command = cargo(["test", "--workspace", "--locked", "--no-fail-fast"]);
+    if std::env::var_os("RUST_TEST_THREADS").is_none() {
+        let processors = std::thread::available_parallelism().map_or(1, NonZero::get);
+        command.env("RUST_TEST_THREADS", (processors + 1).to_string());
+    }
     if let Some(folder) = shared() {
         command.env("BOUNCE_SHARED", folder).env("BOUNCE_STRICT", "1");
     }
