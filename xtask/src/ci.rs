@@ -131,6 +131,18 @@ mod tests {
     }
 
     #[test]
+    fn every_test_of_a_device_runs_with_both_limits() -> Result<()> {
+        let folders = std::fs::read_dir(crate::process::root().join("tests/tests"))?;
+        let mut names: Vec<String> =
+            folders.map(|folder| Ok(folder?.file_name().to_string_lossy().into_owned())).collect::<Result<_>>()?;
+        names.sort_unstable();
+        let mut known = DEVICE_TESTS;
+        known.sort_unstable();
+        assert_eq!(names, known);
+        Ok(())
+    }
+
+    #[test]
     fn test_runs_are_one_build() {
         let (first, second) = (crate::process::line(&tests()), crate::process::line(&webgpu_tests()));
         assert_eq!(first, "cargo test --workspace --locked --no-fail-fast");

@@ -6,9 +6,9 @@
 //! | `direct` | rgba16float | direct light; alpha 1 where a surface is lit |
 //! | `direct_diffuse` | rgba16float | its diffuse part |
 //! | `indirect` | rgba16float | irradiance of bounced light over pi |
-//! | `mirrored_sky` | rgba16float | what is mirrored of the sky; how wide the lobe is; where it is to be shadowed |
+//! | `mirrored_sky` | rgba16float | what is mirrored of the sky and of reflection probes, but for what screen-space reflections show; how wide the lobe is, and the probes' share; where it is to be shadowed |
 //! | `sky_seen` | rg of rgba16float | share of the sky's light that is seen by a wide lobe and by a narrow one; where it is to be shadowed |
-//! | `glossy` | rgba16float | bounced light convolved with the lobe of the pixel's roughness; where it is asked for |
+//! | `glossy` | rgba16float | bounced light convolved with the lobe of the pixel's roughness, but for what screen-space reflections show; where it is asked for |
 //! | `coat` | rgba16float | the same with that of its clearcoat; where there are radiance caches |
 //! | `interleaved` | rgba16float | bounced light, half filtered; then what pixels send, for bias compensation; then bounced light averaged over frames |
 //!

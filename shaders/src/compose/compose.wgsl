@@ -1,6 +1,6 @@
 // Direct light, bounced light and emission into the picture, and fog over all three.
 
-#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color, view_pixel}
+#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color, unpack_mirrored, view_pixel}
 #import bevy_pbr::lighting
 #import bevy_pbr::mesh_view_bindings as view_bindings
 #import bevy_pbr::pbr_functions
@@ -100,12 +100,13 @@ fn indirect_light(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
 }
 #endif
 
-/// What the surface mirrors of the sky, but for what stands in the sky's way.
+/// What the surface mirrors of the sky, but for what stands in the sky's way, and of reflection probes.
 fn mirrored_sky(pixel: vec2<i32>) -> vec3<f32> {
 #ifdef COMPOSE_SKY
     let mirrored = textureLoad(light_texture, pixel, SKY_LAYER, 0);
     let seen = textureLoad(light_texture, pixel, SKY_LAYER + 1, 0);
-    return mirrored.rgb * min(mix(seen.y, seen.x, mirrored.a), 1.0);
+    let width_and_probes = unpack_mirrored(mirrored.a);
+    return mirrored.rgb * mix(min(mix(seen.y, seen.x, width_and_probes.x), 1.0), 1.0, width_and_probes.y);
 #else
     return vec3<f32>(0.0);
 #endif

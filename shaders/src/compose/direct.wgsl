@@ -5,9 +5,9 @@
 // targets are pre-exposed.
 //
 // Where the sky's light bounces (`SKY`), what surfaces mirror of it goes into a target of its own, for `compose.wgsl` to shadow. What
-// reflection probes show of their surroundings is left as it is.
+// reflection probes show of their surroundings is with it, and is left as it is.
 
-#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color}
+#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color, pack_mirrored}
 #import bevy_pbr::clustered_forward as clustering
 #import bevy_pbr::lighting
 #import bevy_pbr::lighting::{LAYER_BASE, LAYER_CLEARCOAT}
@@ -35,8 +35,8 @@ struct Targets {
     @location(0) light: vec4<f32>,
     @location(1) diffuse: vec4<f32>,
 #ifdef SKY
-    /// What is mirrored of the sky; alpha: 0 for a lobe as narrow as `mirrored_lobe` of interleaved/sky.wgsl, 1 for one as wide as the
-    /// cosine's.
+    /// What is mirrored of the sky and of reflection probes; alpha: `pack_mirrored` of how wide the lobe is, 0 for one as narrow as
+    /// `mirrored_lobe` of interleaved/sky.wgsl, 1 for one as wide as the cosine's, and of the probes' share.
     @location(2) sky: vec4<f32>,
 #endif
 }
@@ -219,21 +219,17 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
     var mirrored = environment.specular * surface.specular_occlusion;
 #ifdef SCREEN_SPACE_REFLECTIONS
 #ifndef SKY
-    // Bevy's screen-space reflections add it where they run; under a sky that bounces they do not.
-    let roughness = surface.material.perceptual_roughness;
-    let settings = view_bindings::ssr_settings;
-    if roughness >= settings.min_perceptual_roughness && roughness <= settings.max_perceptual_roughness {
-        mirrored = vec3<f32>(0.0);
-    }
+    // Bevy's screen-space reflections add it, whatever the roughness; under a sky that bounces they do not.
+    mirrored = vec3<f32>(0.0);
 #endif
 #endif
 #ifdef SKY
 #ifndef COMPOSE_GLOSSY
+    // With it goes where screen-space reflections meet something, though they lack it.
     mirrored += environment.diffuse * surface.diffuse_occlusion;
 #endif
-    let share = share_of_probes(surface.world_position.xyz, &ranges);
-    light += mirrored * share;
-    targets.sky = exposed(mirrored * (1.0 - share), lobe_width(input.layers[LAYER_BASE].roughness));
+    let probes = share_of_probes(surface.world_position.xyz, &ranges);
+    targets.sky = exposed(mirrored, pack_mirrored(lobe_width(input.layers[LAYER_BASE].roughness), probes));
 #else
     light += mirrored + environment.diffuse * surface.diffuse_occlusion;
 #endif

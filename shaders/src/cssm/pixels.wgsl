@@ -88,7 +88,6 @@ fn pixel_light(surface: Surface, key: u32, deferred: vec4<u32>, pixel: u32) -> G
     if frames == 0u || frames < settings.frames {
         let gathered = gather_pixel(surface, deferred, pixel, frames);
         frames += 1u;
-        mean.cut = gathered.cut;
         mean.light += (gathered.light - mean.light) / f32(frames);
 #ifdef GLOSSY
         mean.glossy += (gathered.glossy - mean.glossy) / f32(frames);

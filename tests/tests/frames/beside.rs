@@ -359,6 +359,42 @@ fn what_reflections_meet_is_theirs() {
     }
 }
 
+/// Under a sky that bounces, what reflections show of a black wall is black: neither the sky nor caches are mirrored there beside it.
+#[test]
+fn reflections_hide_the_sky() {
+    let mut stage = Stage::new(SIZE, SMALL, |app| {
+        app.add_systems(Startup, |mut build: Builder| {
+            let (metal, black) = (build.materials.add(metal(0.2)), build.paint([0.0; 3]));
+            build.place(Cuboid::new(6.0, 0.2, 6.0), Transform::from_xyz(0.0, -0.1, 0.0), &metal);
+            build.place(Cuboid::new(6.0, 3.0, 0.2), Transform::from_xyz(0.0, 1.5, -1.6), &black);
+            build.commands.spawn((Camera3d::default(), Camera { is_active: false, ..default() }));
+        });
+    });
+    let radiance_cache = RadianceCacheSettings { glossy: true, ..default() };
+    let mut floor = |glossy: bool, reflections: bool| {
+        let settings = if glossy { GiSettings { radiance_cache, ..SMALL } } else { SMALL };
+        // The foot of the wall is in the picture's upper half, and its middle below the upper edge.
+        let place = Transform::from_xyz(0.0, 1.5, 1.4).looking_at(Vec3::new(0.0, 0.0, -0.7), Vec3::Y);
+        let sky = {
+            let mut images = stage.world().resource_mut::<Assets<Image>>();
+            EnvironmentMapLight { intensity: 1000.0, ..EnvironmentMapLight::solid_color(&mut images, Color::WHITE) }
+        };
+        let eye = Eye::open(&mut stage, SIZE, EXPOSURE, (place, illumination(settings), sky, GiIsolate::All));
+        if reflections {
+            stage.world().entity_mut(eye.camera).insert(ScreenSpaceReflections::default());
+        }
+        (0..FRAMES).for_each(|_| stage.frame(std::time::Duration::ZERO));
+        let mean = eye.picture(&stage).mean_of(20..44, 13..18)[1];
+        eye.close(&mut stage);
+        mean
+    };
+    for glossy in [false, true] {
+        let (without, with) = (floor(glossy, false), floor(glossy, true));
+        println!("glossy {glossy}: {with:.2} with reflections, {without:.2} without");
+        assert!(with < 0.3 * without && without > 0.0, "glossy {glossy}: {with} of {without}");
+    }
+}
+
 /// Under a sky that bounces, what metal mirrors of it is there once beside Bevy's reflections, whatever the technique.
 #[test]
 fn the_sky_is_mirrored_once_beside_reflections() {
@@ -384,7 +420,7 @@ fn the_sky_is_mirrored_once_beside_reflections() {
                 stage.world().entity_mut(eye.camera).insert(ScreenSpaceReflections::default());
             }
             (0..FRAMES).for_each(|_| stage.frame(std::time::Duration::ZERO));
-            let mean = eye.picture(&mut stage).mean_of(28..36, 14..22)[1];
+            let mean = eye.picture(&stage).mean_of(28..36, 14..22)[1];
             eye.close(&mut stage);
             mean
         };

@@ -5,6 +5,7 @@
 
 mod actions;
 mod settings;
+mod skies;
 
 use std::time::Duration;
 

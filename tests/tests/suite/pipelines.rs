@@ -50,6 +50,12 @@ fn failures(shaders: &[(String, String, Vec<ShaderDefVal>)]) -> BTreeMap<&'stati
     failures
 }
 
+/// What asks for the passes that a plain camera does without.
+fn reflect_a_sky(mut commands: Commands, mut images: ResMut<Assets<Image>>, camera: Single<Entity, With<Camera3d>>) {
+    let sky = EnvironmentMapLight { intensity: 1.0, ..EnvironmentMapLight::solid_color(&mut images, Color::WHITE) };
+    commands.entity(*camera).insert((ScreenSpaceReflections::default(), sky));
+}
+
 /// Bevy's deferred lighting has no GLSL where its view bindings load from a depth texture: ours calls it, and may lack no
 /// more than it does.
 #[test]
@@ -60,9 +66,7 @@ fn every_fragment_shader_translates_wherever_bevys_does() {
     run.isolate = GiIsolate::All;
     let scene = |app: &mut App| {
         app.add_plugins(CornellPlugin);
-        app.add_systems(PostStartup, |mut commands: Commands, camera: Single<Entity, With<Camera3d>>| {
-            commands.entity(*camera).insert(ScreenSpaceReflections::default());
-        });
+        app.add_systems(PostStartup, reflect_a_sky);
     };
     let ours = fragment_shaders(&mut Stage::with_run(run.clone(), scene), "bevy_bounce/");
     let paths: BTreeSet<_> = ours.iter().map(|(path, ..)| path.as_str()).collect();

@@ -4,6 +4,7 @@
 //! takes that share from both, by the same ray, before they run. Where it meets nothing, caches and sky stay. Bevy's pass also
 //! adds the environment map, unshadowed; under a sky that bounces, it runs without that.
 
+use bevy::pbr::deferred::SkipDeferredLighting;
 use bevy::pbr::{Bluenoise, MeshViewBindGroup, ScreenSpaceReflectionsPipelineId};
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
@@ -71,15 +72,19 @@ impl ReflectionBindings {
 
 /// Takes from glossy light and from the mirrored sky what screen-space reflections are about to show.
 pub(super) fn reflections_pass(
-    view: ViewQuery<(&ViewTextures, &ViewPipelines, &MeshViewBindGroup)>,
+    view: ViewQuery<
+        (&ViewTextures, &ViewPipelines, &MeshViewBindGroup, &ScreenSpaceReflectionsPipelineId),
+        With<SkipDeferredLighting>,
+    >,
     bindings: Res<ReflectionBindings>,
     cache: Res<PipelineCache>,
     noise: Res<Bluenoise>,
     images: Res<RenderAssets<GpuImage>>,
     mut ctx: RenderContext,
 ) {
-    let (textures, pipelines, view_bindings) = view.into_inner();
-    let Some(pipeline) = pipelines.reflections.and_then(|id| cache.get_render_pipeline(id)) else { return };
+    let (textures, pipelines, view_bindings, theirs) = view.into_inner();
+    let ours = pipelines.reflections.and_then(|id| cache.get_render_pipeline(id));
+    let Some((pipeline, _)) = ours.zip(cache.get_render_pipeline(**theirs)) else { return };
     let Some(noise) = images.get(&noise.texture) else { return };
     let noise = noise
         .texture
@@ -118,27 +123,38 @@ pub(super) fn reflections_pass(
 #[derive(Resource, Default)]
 pub(super) struct WithoutEnvironmentMaps(HashMap<CachedRenderPipelineId, CachedRenderPipelineId>);
 
-/// Under a sky that bounces, screen-space reflections leave environment maps to us: as soon as that pipeline is compiled.
+impl WithoutEnvironmentMaps {
+    /// What one of Bevy's that is compiled is without: itself, if it has none.
+    fn get(&mut self, theirs: CachedRenderPipelineId, cache: &PipelineCache) -> CachedRenderPipelineId {
+        *self.0.entry(theirs).or_insert_with(|| {
+            let mut descriptor = cache.get_render_pipeline_descriptor(theirs).clone();
+            let Some(fragment) = &mut descriptor.fragment else { return theirs };
+            let all = fragment.shader_defs.len();
+            fragment.shader_defs.retain(|def| *def != ShaderDefVal::from("ENVIRONMENT_MAP"));
+            if fragment.shader_defs.len() == all { theirs } else { cache.queue_render_pipeline(descriptor) }
+        })
+    }
+}
+
+/// Under a sky that bounces, screen-space reflections leave environment maps to us. While that pipeline is compiled there are none; it is
+/// queued before a sky bounces, so that one may come and go from one frame to the next.
 pub(super) fn take_environment_maps_from_reflections(
+    mut commands: Commands,
     mut known: ResMut<WithoutEnvironmentMaps>,
     cache: Res<PipelineCache>,
     skies: SkyViews,
-    mut views: Query<(&GiView, &ExtractedView, &mut ScreenSpaceReflectionsPipelineId), With<ViewPipelines>>,
+    mut views: Query<(Entity, &GiView, &ExtractedView, &mut ScreenSpaceReflectionsPipelineId)>,
 ) {
-    for (gi, view, mut pipeline) in &mut views {
-        let is_ready = |id| matches!(cache.get_render_pipeline_state(id), CachedPipelineState::Ok(_));
-        if !skies.bounce(gi, view) || !is_ready(**pipeline) {
+    let is_ready = |id| matches!(cache.get_render_pipeline_state(id), CachedPipelineState::Ok(_));
+    for (entity, gi, view, mut pipeline) in &mut views {
+        let without = is_ready(**pipeline).then(|| known.get(**pipeline, &cache));
+        if !skies.bounce(gi, view) {
             continue;
         }
-        let without = *known.0.entry(**pipeline).or_insert_with(|| {
-            let mut descriptor = cache.get_render_pipeline_descriptor(**pipeline).clone();
-            if let Some(fragment) = &mut descriptor.fragment {
-                fragment.shader_defs.retain(|def| *def != ShaderDefVal::from("ENVIRONMENT_MAP"));
-            }
-            cache.queue_render_pipeline(descriptor)
-        });
-        if is_ready(without) {
-            **pipeline = without;
+        match without.filter(|id| is_ready(*id)) {
+            Some(without) => **pipeline = without,
+            // Bevy inserts it anew in each frame.
+            None => _ = commands.entity(entity).remove::<ScreenSpaceReflectionsPipelineId>(),
         }
     }
 }

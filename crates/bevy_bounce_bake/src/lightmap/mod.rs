@@ -65,7 +65,7 @@
 //! # Measured
 //!
 //! What the lightmap adds to Bevy's picture, as energy against path-traced references of as many bounces; `low` is the
-//! error that is left when noise is averaged away. `cargo test --workspace --test suite lightmap -- --nocapture
+//! error that is left when noise is averaged away. `cargo test --workspace --test baked lightmap -- --nocapture
 //! --include-ignored` prints it:
 //!
 //! | scene | atlas | rays | energy | low |

@@ -2,9 +2,7 @@
 
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::{RenderTarget, ScalingMode, Viewport};
-use bevy::light::Skybox;
 use bevy::mesh::PrimitiveTopology;
-use bevy::pbr::ScreenSpaceReflections;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, TextureUsages};
 use bevy_bounce::{CssmObject, GiLight, GlobalIllumination, VoxelizedGroup, VoxelizedMesh};
@@ -13,6 +11,7 @@ use bevy_bounce_tests::baked::small_cornell_box;
 use fastrand::Rng;
 
 use super::settings::{illumination, isolate};
+use super::skies::{drop_sky_asset, reflections, sky, skybox};
 use super::{SIZE, Soak};
 
 /// Most of each that there may be at a time.
@@ -78,7 +77,7 @@ fn vector(random: &mut Rng) -> Vec3 {
     Vec3::new(unit(random), unit(random), unit(random))
 }
 
-fn color(random: &mut Rng) -> Color {
+pub(super) fn color(random: &mut Rng) -> Color {
     Color::linear_rgb(random.f32(), random.f32(), random.f32())
 }
 
@@ -371,56 +370,8 @@ fn group(soak: &mut Soak) {
     };
 }
 
-/// An even sky, or none.
-fn even_sky(soak: &mut Soak) -> Option<EnvironmentMapLight> {
-    let color = color(&mut soak.random);
-    let (intensity, remove) = (2000.0 * soak.random.f32(), soak.random.u32(0..3) == 0);
-    let mut images = soak.stage.world().resource_mut::<Assets<Image>>();
-    (!remove).then(|| EnvironmentMapLight { intensity, ..EnvironmentMapLight::solid_color(&mut images, color) })
-}
-
-/// One that lights, for a camera, or none.
-fn sky(soak: &mut Soak) {
-    let (camera, even) = (camera(soak), even_sky(soak));
-    let mut camera = soak.stage.world().entity_mut(camera);
-    match even {
-        Some(even) => camera.insert(even),
-        None => camera.remove::<EnvironmentMapLight>(),
-    };
-}
-
-/// One that is seen.
-fn skybox(soak: &mut Soak) {
-    let (camera, even) = (camera(soak), even_sky(soak));
-    let mut camera = soak.stage.world().entity_mut(camera);
-    match even {
-        Some(EnvironmentMapLight { specular_map, intensity, .. }) => {
-            camera.insert(Skybox { image: Some(specular_map), brightness: intensity, ..default() })
-        }
-        None => camera.remove::<Skybox>(),
-    };
-}
-
-/// Bevy's reflections on the screen, or none.
-fn reflections(soak: &mut Soak) {
-    let (camera, remove) = (camera(soak), soak.random.u32(0..3) == 0);
-    let mut camera = soak.stage.world().entity_mut(camera);
-    match remove {
-        true => camera.remove::<ScreenSpaceReflections>(),
-        false => camera.insert(ScreenSpaceReflections::default()),
-    };
-}
-
-fn drop_sky_asset(soak: &mut Soak) {
-    let camera = camera(soak);
-    let world = soak.stage.world();
-    if let Some(map) = world.get::<EnvironmentMapLight>(camera).map(|sky| sky.specular_map.clone()) {
-        world.resource_mut::<Assets<Image>>().remove(&map);
-    }
-}
-
 /// The first camera or another one.
-fn camera(soak: &mut Soak) -> Entity {
+pub(super) fn camera(soak: &mut Soak) -> Entity {
     let (main, cameras) = (soak.main, soak.cameras.clone());
     if soak.random.bool() { main } else { some(&mut soak.random, &cameras).unwrap_or(main) }
 }
