@@ -25,6 +25,8 @@ use bevy::window::ExitCondition;
 use bevy::winit::WinitPlugin;
 use bevy_bounce::prelude::*;
 use bevy_bounce::{GiComposePlugin, GiIsolate};
+use bevy_bounce_tests::compose::compose_source;
+use bevy_bounce_tests::gpu::{Resources, gpu};
 use half::f16;
 
 const SIZE: UVec2 = UVec2::new(96, 64);
@@ -355,4 +357,33 @@ fn cameras_change_size_and_number() {
     settle(&mut bounce);
     bounce.world_mut().despawn(first);
     settle(&mut bounce);
+}
+
+/// How wide a mirror's lobe is and what of its light is from reflection probes, in one half float and out of it.
+#[test]
+fn shares_of_mirrored_light_come_back() {
+    const PACK: &str = "
+        #import bevy_bounce::compose::gbuffer::{pack_mirrored, unpack_mirrored}
+        @group(0) @binding(0) var<storage, read> shares: array<vec2<f32>>;
+        @group(0) @binding(1) var<storage, read_write> unpacked: array<vec2<f32>>;
+        @compute @workgroup_size(64)
+        fn pack(@builtin(global_invocation_id) id: vec3<u32>) {
+            if id.x < arrayLength(&shares) {
+                let half = unpack2x16float(pack2x16float(vec2<f32>(pack_mirrored(shares[id.x].x, shares[id.x].y), 0.0)));
+                unpacked[id.x] = unpack_mirrored(half.x);
+            }
+        }";
+    let steps = |count: u32| (0..=count).map(move |i| i as f32 / count as f32);
+    let shares: Vec<[f32; 2]> = steps(100).flat_map(|width| steps(100).map(move |probes| [width, probes])).collect();
+    let defs = ["DEPTH_PREPASS", "DEFERRED_PREPASS"].map(Into::into);
+    let kernel = gpu().kernel(&compose_source(PACK, "pack.wgsl", &defs).expect("composes"), "pack");
+    let resources = Resources::new(gpu()).floats("shares", shares.as_flattened()).zeroed("unpacked", 2 * shares.len());
+    let groups = shares.len().div_ceil(64) as u32;
+    gpu().dispatch(&kernel.expect("the device takes it"), &resources, [groups, 1, 1]).expect("runs");
+    let unpacked = resources.read_floats("unpacked").expect("reads back");
+    for (share, found) in shares.iter().zip(unpacked.as_chunks::<2>().0) {
+        let [width, probes] = [0, 1].map(|i| (share[i] - found[i]).abs());
+        assert!(width < 0.5 / 31.0 + 1e-4 && probes < 0.5 / 63.0 + 1e-4, "{share:?} came back as {found:?}");
+        assert!(share.iter().zip(found).all(|(a, b)| *a > 0.0 && *a < 1.0 || a == b), "{share:?}: {found:?}");
+    }
 }
