@@ -129,6 +129,7 @@ shaders! {
     "history/keep.wgsl" => ["keep"],
     "compose/surface.wgsl" => ["pack"],
     "compose/gbuffer.wgsl" => [],
+    "compose/mirrored.wgsl" => [],
     "compose/direct.wgsl" => [],
     "compose/reflections.wgsl" => [],
     "compose/compose.wgsl" => [],

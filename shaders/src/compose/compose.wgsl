@@ -1,6 +1,7 @@
 // Direct light, bounced light and emission into the picture, and fog over all three.
 
-#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color, unpack_mirrored, view_pixel}
+#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color, view_pixel}
+#import bevy_bounce::compose::mirrored::unpack_mirrored
 #import bevy_pbr::lighting
 #import bevy_pbr::mesh_view_bindings as view_bindings
 #import bevy_pbr::pbr_functions

@@ -7,7 +7,8 @@
 // Where the sky's light bounces (`SKY`), what surfaces mirror of it goes into a target of its own, for `compose.wgsl` to shadow. What
 // reflection probes show of their surroundings is with it, and is left as it is.
 
-#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color, pack_mirrored}
+#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color}
+#import bevy_bounce::compose::mirrored::pack_mirrored
 #import bevy_pbr::clustered_forward as clustering
 #import bevy_pbr::lighting
 #import bevy_pbr::lighting::{LAYER_BASE, LAYER_CLEARCOAT}

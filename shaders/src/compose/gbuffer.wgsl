@@ -42,21 +42,6 @@ fn load_pbr_input(pixel: vec2<i32>) -> PbrInput {
     return surface;
 }
 
-/// Largest codes of the two shares of [`pack_mirrored`]: all together are whole numbers that half floats have.
-const WIDTH_CODES: f32 = 31.0;
-const PROBE_CODES: f32 = 63.0;
-
-/// How wide the lobe is in which something is mirrored, and how much of that is from reflection probes, as one half float; both from 0 to 1.
-fn pack_mirrored(width: f32, probes: f32) -> f32 {
-    return round(saturate(probes) * PROBE_CODES) * (WIDTH_CODES + 1.0) + round(saturate(width) * WIDTH_CODES);
-}
-
-/// Both again.
-fn unpack_mirrored(code: f32) -> vec2<f32> {
-    let probes = floor(code / (WIDTH_CODES + 1.0));
-    return vec2<f32>((code - probes * (WIDTH_CODES + 1.0)) / WIDTH_CODES, probes / PROBE_CODES);
-}
-
 /// Diffuse albedo.
 fn diffuse_color(surface: PbrInput) -> vec3<f32> {
     return calculate_diffuse_color(

@@ -363,7 +363,7 @@ fn cameras_change_size_and_number() {
 #[test]
 fn shares_of_mirrored_light_come_back() {
     const PACK: &str = "
-        #import bevy_bounce::compose::gbuffer::{pack_mirrored, unpack_mirrored}
+        #import bevy_bounce::compose::mirrored::{pack_mirrored, unpack_mirrored}
         @group(0) @binding(0) var<storage, read> shares: array<vec2<f32>>;
         @group(0) @binding(1) var<storage, read_write> unpacked: array<vec2<f32>>;
         @compute @workgroup_size(64)
@@ -375,8 +375,7 @@ fn shares_of_mirrored_light_come_back() {
         }";
     let steps = |count: u32| (0..=count).map(move |i| i as f32 / count as f32);
     let shares: Vec<[f32; 2]> = steps(100).flat_map(|width| steps(100).map(move |probes| [width, probes])).collect();
-    let defs = ["DEPTH_PREPASS", "DEFERRED_PREPASS"].map(Into::into);
-    let kernel = gpu().kernel(&compose_source(PACK, "pack.wgsl", &defs).expect("composes"), "pack");
+    let kernel = gpu().kernel(&compose_source(PACK, "pack.wgsl", &[]).expect("composes"), "pack");
     let resources = Resources::new(gpu()).floats("shares", shares.as_flattened()).zeroed("unpacked", 2 * shares.len());
     let groups = shares.len().div_ceil(64) as u32;
     gpu().dispatch(&kernel.expect("the device takes it"), &resources, [groups, 1, 1]).expect("runs");
