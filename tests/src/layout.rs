@@ -1,6 +1,7 @@
 //! Memory layouts of the structs and values of the constants that Rust and WGSL share.
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use bevy::render::render_resource::ShaderType;
 use bevy_bounce_shaders::types;
@@ -17,8 +18,14 @@ pub struct Layout {
     pub size: u64,
 }
 
-/// The text of `types.rs`: encase knows offsets but not names.
-const TYPES: &str = include_str!("../../shaders/src/types.rs");
+/// The text of `types.rs` and of all in `types`: encase knows offsets but not names.
+fn types_text() -> String {
+    let types = concat!(env!("CARGO_MANIFEST_DIR"), "/../shaders/src/types");
+    let files =
+        std::fs::read_dir(types).expect("the folder of types").map(|file| file.expect("a file of types").path());
+    let files = files.chain([PathBuf::from(types).with_extension("rs")]);
+    files.map(|file| std::fs::read_to_string(file).expect("text")).collect()
+}
 
 macro_rules! layouts {
     ($($name:ident),* $(,)?) => {
@@ -73,7 +80,7 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         ProbeParameters,
         ProbePlace,
     ];
-    let fields = struct_fields(TYPES);
+    let fields = struct_fields(&types_text());
     let mut layouts = BTreeMap::new();
     for (name, (offsets, size)) in known {
         let names = fields.get(name).cloned().unwrap_or_default();
@@ -117,7 +124,8 @@ pub fn wgsl_layouts(composed: &Composed) -> BTreeMap<String, Layout> {
 
 /// Scalar constants of `types.rs`, by name.
 pub fn rust_constants() -> BTreeMap<String, f64> {
-    let constants = TYPES.lines().filter_map(|line| {
+    let text = types_text();
+    let constants = text.lines().filter_map(|line| {
         let (name, value) = line.strip_prefix("pub const ")?.split_once(" = ")?;
         let (name, _) = name.split_once(':')?;
         Some((name.to_owned(), scalar(value.trim_end_matches(';'))?))

@@ -75,6 +75,7 @@ impl TestScene {
             triangle_count: triangles.len() as u32,
             vertex_offset,
             deformed_offset: NONE,
+            color_offset: NONE,
             material,
             flags,
             ..Default::default()

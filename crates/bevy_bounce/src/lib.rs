@@ -13,7 +13,7 @@
 //! ```
 //!
 //! Every `Mesh3d` with a `StandardMaterial` and every light of Bevy takes part unless told
-//! otherwise ([`VoxelizedMesh`], [`GiLight`]).
+//! otherwise ([`VoxelizedMesh`], [`GiLight`]); other materials once a [`GiMaterialPlugin`] announces them.
 
 pub mod avg;
 pub mod budget;
@@ -49,7 +49,7 @@ pub use memory::gpu_memory;
 pub use plugins::{GiSystems, GlobalIlluminationPlugins};
 pub use probes::{GiForwardPlugin, ProbeVolume, ProbeVolumePlugin};
 pub use radiance_cache::{RadianceCachePlugin, RadianceCacheSettings};
-pub use scene::{GiLight, GiScenePlugin, VoxelizedGroup, VoxelizedMesh};
+pub use scene::{GiLight, GiMaterial, GiMaterialPlugin, GiScenePlugin, VoxelizedGroup, VoxelizedMesh};
 pub use settings::{GiSettings, GlobalIllumination, Quality, Resolution, Technique, VplVisibility};
 pub use shadow_atlas::ShadowAtlasPlugin;
 pub use ssbc::{SsbcPlugin, SsbcSettings};
@@ -58,7 +58,7 @@ pub use vpl::{VplPlugin, vpl_count};
 /// What a game needs to name.
 pub mod prelude {
     pub use crate::{
-        CssmObject, GiLight, GlobalIllumination, GlobalIlluminationPlugins, Quality, Resolution, Technique,
-        VoxelizedGroup, VoxelizedMesh, VplVisibility,
+        CssmObject, GiLight, GiMaterial, GiMaterialPlugin, GlobalIllumination, GlobalIlluminationPlugins, Quality,
+        Resolution, Technique, VoxelizedGroup, VoxelizedMesh, VplVisibility,
     };
 }

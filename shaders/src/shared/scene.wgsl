@@ -1,4 +1,4 @@
-// The scene on the GPU: structs as in types.rs, and what is computed from them alone.
+// The scene on the GPU: structs as in types/scene.rs, and what is computed from them alone.
 
 #define_import_path bevy_bounce::shared::scene
 
@@ -34,7 +34,7 @@ struct Instance {
     material: u32,
     flags: u32,
     albedo_override: u32,
-    padding: u32,
+    color_offset: u32,
 }
 
 struct Chunk {

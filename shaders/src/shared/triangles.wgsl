@@ -25,6 +25,9 @@ struct Triangle {
     two_sided: bool,
     material: u32,
     albedo_override: u32,
+    // Where there are any: one of each corner, RGBA8, the colour as its square root.
+    has_colors: bool,
+    colors: vec3<u32>,
     valid: bool,
 }
 
@@ -76,11 +79,16 @@ fn load_corners(instance_index: u32, i: u32, origin: vec3<f32>, unit: f32) -> Tr
     t.two_sided = (instance.flags & INSTANCE_TWO_SIDED) != 0u;
     t.material = instance.material;
     t.albedo_override = instance.albedo_override;
+    t.has_colors = instance.color_offset != NONE;
+    if t.has_colors {
+        let first = instance.color_offset;
+        t.colors = vec3<u32>(geometry[first + index.x], geometry[first + index.y], geometry[first + index.z]);
+    }
     return t;
 }
 
-// UV of a point of the triangle's plane.
-fn triangle_uv(t: Triangle, p: vec3<f32>) -> vec2<f32> {
+// Weights of the corners at a point of the triangle's plane.
+fn corner_weights(t: Triangle, p: vec3<f32>) -> vec3<f32> {
     let e1 = t.b - t.a;
     let e2 = t.c - t.a;
     let d = p - t.a;
@@ -92,13 +100,28 @@ fn triangle_uv(t: Triangle, p: vec3<f32>) -> vec2<f32> {
     let inv = 1.0 / max(d11 * d22 - d12 * d12, 1e-30);
     let v = (d22 * p1 - d12 * p2) * inv;
     let w = (d11 * p2 - d12 * p1) * inv;
-    return t.uv_a + v * (t.uv_b - t.uv_a) + w * (t.uv_c - t.uv_a);
+    return vec3<f32>(1.0 - v - w, v, w);
+}
+
+fn triangle_uv(t: Triangle, p: vec3<f32>) -> vec2<f32> {
+    let weights = corner_weights(t, p);
+    return t.uv_a + weights.y * (t.uv_b - t.uv_a) + weights.z * (t.uv_c - t.uv_a);
+}
+
+// A colour that is stored as its square root, and alpha.
+fn unpack_color(word: u32) -> vec4<f32> {
+    let stored = unpack4x8unorm(word);
+    return vec4<f32>(stored.rgb * stored.rgb, stored.a);
+}
+
+fn triangle_color(t: Triangle, p: vec3<f32>) -> vec4<f32> {
+    let weights = corner_weights(t, p);
+    return unpack_color(t.colors.x) * weights.x + unpack_color(t.colors.y) * weights.y + unpack_color(t.colors.z) * weights.z;
 }
 
 // Colour (linear) and alpha of a thumbnail at a UV.
 fn thumbnail_color(material: Material, thumbnail: u32, uv: vec2<f32>) -> vec4<f32> {
-    let stored = unpack4x8unorm(thumbnails[thumbnail + thumbnail_texel(material_uv(material, uv))]);
-    return vec4<f32>(stored.rgb * stored.rgb, stored.a);
+    return unpack_color(thumbnails[thumbnail + thumbnail_texel(material_uv(material, uv))]);
 }
 
 /// Linear albedo and alpha of the surface at a point of it; what it reflects before that is part of it.
@@ -107,6 +130,9 @@ fn surface_albedo(t: Triangle, p: vec3<f32>) -> vec4<f32> {
     var albedo = material.albedo;
     if material.albedo_thumbnail != NONE {
         albedo *= thumbnail_color(material, material.albedo_thumbnail, triangle_uv(t, p));
+    }
+    if t.has_colors {
+        albedo *= triangle_color(t, p);
     }
     albedo = vec4<f32>(with_surface_reflection(albedo.rgb, material.specular), albedo.a);
     if t.albedo_override != 0u {

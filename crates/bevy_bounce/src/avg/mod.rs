@@ -17,7 +17,7 @@
 //!
 //! A scene wider than twice `GiSettings::range` has up to four such grids, one within the other: those but the last lie around the cameras, and
 //! move by whole bricks of 8^3 voxels. They share all buffers, which are so many times as large; the finest comes first. See `GridLevel`
-//! in `types.rs`.
+//! in `types/grid.rs`.
 //!
 //! Behind the world's are the grids of [`VoxelizedGroup`](crate::VoxelizedGroup)s, each with room for 32^3 voxels (384 KiB): voxelised once, by
 //! the same kernels, in the group's own space. A ray goes through each group that stands in its way, in voxels of the group.

@@ -70,7 +70,7 @@ pub(super) fn extract_poses(
     meshes: Extract<
         Query<
             (Entity, &InheritedVisibility, Option<&VoxelizedMesh>, Option<&SkinnedMesh>, Option<&MeshMorphWeights>),
-            (With<Mesh3d>, With<MeshMaterial3d<StandardMaterial>>, Or<(With<SkinnedMesh>, With<MeshMorphWeights>)>),
+            (With<Mesh3d>, Or<(With<SkinnedMesh>, With<MeshMorphWeights>)>),
         >,
     >,
     transforms: Extract<Query<&GlobalTransform>>,

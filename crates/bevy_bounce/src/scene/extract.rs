@@ -3,11 +3,12 @@
 //! Bevy's own tables of instances, skins and lights hold what some view sees; what a camera does not see lights the room
 //! all the same.
 
-use bevy::asset::AssetEvent;
+use bevy::asset::{AssetEvent, UntypedAssetId};
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers, VisibilityRange};
 use bevy::camera::{Camera, Exposure};
 use bevy::ecs::entity::EntityHashSet;
+use bevy::light::NotShadowCaster;
 use bevy::math::{Affine3A, Vec3A};
 use bevy::mesh::morph::MeshMorphWeights;
 use bevy::mesh::skinning::SkinnedMesh;
@@ -16,6 +17,7 @@ use bevy::render::Extract;
 
 use super::VoxelizedMesh;
 use super::materials::Surface;
+use super::stand_in::GiMaterial;
 use crate::{GlobalIllumination, Technique};
 
 /// What the world stages need of the cameras with global illumination. Keeps its last state while none is active.
@@ -45,6 +47,13 @@ impl Default for SceneCameras {
 /// Orders entities as they were spawned, as far as their places were not used before; `Entity`'s own order is another.
 pub(super) fn spawn_order(entity: Entity) -> (u32, u64) {
     (entity.index_u32(), entity.to_bits())
+}
+
+/// Begins a frame's changes.
+pub(super) fn forget_changes(mut instances: ResMut<ExtractedInstances>, mut materials: ResMut<ExtractedMaterials>) {
+    instances.changed.clear();
+    instances.removed.clear();
+    materials.changed.clear();
 }
 
 /// Reads the cameras.
@@ -89,7 +98,7 @@ pub(super) struct ExtractedInstance {
     /// Its shape.
     pub mesh: AssetId<Mesh>,
     /// Its look.
-    pub material: AssetId<StandardMaterial>,
+    pub material: UntypedAssetId,
     /// World from local.
     pub transform: Affine3A,
     /// Visible, in range and not [`VoxelizedMesh::OFF`].
@@ -102,6 +111,8 @@ pub(super) struct ExtractedInstance {
     pub two_sided: Option<bool>,
     /// Has a skin or morph weights.
     pub deforms: bool,
+    /// Without [`NotShadowCaster`].
+    pub casts_shadows: bool,
 }
 
 /// Changes since the last frame.
@@ -113,32 +124,34 @@ pub(super) struct ExtractedInstances {
     pub removed: Vec<Entity>,
 }
 
-type InstanceData = (
+type InstanceData<M> = (
     Entity,
     &'static Mesh3d,
-    &'static MeshMaterial3d<StandardMaterial>,
+    &'static MeshMaterial3d<M>,
     &'static GlobalTransform,
     &'static InheritedVisibility,
     Option<&'static VoxelizedMesh>,
     Option<&'static RenderLayers>,
     Has<SkinnedMesh>,
     Has<MeshMorphWeights>,
+    Has<NotShadowCaster>,
 );
 
-type InstanceChanged = Or<(
+type InstanceChanged<M> = Or<(
     Changed<Mesh3d>,
-    Changed<MeshMaterial3d<StandardMaterial>>,
+    Changed<MeshMaterial3d<M>>,
     Changed<GlobalTransform>,
     Changed<InheritedVisibility>,
     Changed<VoxelizedMesh>,
     Changed<RenderLayers>,
     Added<SkinnedMesh>,
     Added<MeshMorphWeights>,
+    Added<NotShadowCaster>,
 )>;
 
-type RemovedParts = (
+type RemovedParts<M> = (
     RemovedComponents<'static, 'static, Mesh3d>,
-    RemovedComponents<'static, 'static, MeshMaterial3d<StandardMaterial>>,
+    RemovedComponents<'static, 'static, MeshMaterial3d<M>>,
     RemovedComponents<'static, 'static, GlobalTransform>,
     RemovedComponents<'static, 'static, InheritedVisibility>,
     RemovedComponents<'static, 'static, VoxelizedMesh>,
@@ -146,22 +159,24 @@ type RemovedParts = (
     RemovedComponents<'static, 'static, VisibilityRange>,
     RemovedComponents<'static, 'static, SkinnedMesh>,
     RemovedComponents<'static, 'static, MeshMorphWeights>,
+    RemovedComponents<'static, 'static, NotShadowCaster>,
 );
 
-/// Reads the meshes that changed.
-pub(super) fn extract_instances(
+type Ranged<M> = (With<Mesh3d>, With<MeshMaterial3d<M>>);
+
+/// Reads the meshes with that material that changed. `known` are those there were.
+pub(super) fn extract_instances<M: GiMaterial>(
     mut extracted: ResMut<ExtractedInstances>,
+    mut known: Local<EntityHashSet>,
     mut out_of_range: Local<EntityHashSet>,
     mut seen: Local<EntityHashSet>,
     cameras: Res<SceneCameras>,
-    instances: Extract<Query<InstanceData>>,
-    changed: Extract<Query<InstanceData, InstanceChanged>>,
-    ranged: Extract<Query<(Entity, &VisibilityRange, &GlobalTransform, Option<&Aabb>), With<Mesh3d>>>,
-    mut removed: Extract<RemovedParts>,
+    instances: Extract<Query<InstanceData<M>>>,
+    changed: Extract<Query<InstanceData<M>, InstanceChanged<M>>>,
+    ranged: Extract<Query<(Entity, &VisibilityRange, &GlobalTransform, Option<&Aabb>), Ranged<M>>>,
+    mut removed: Extract<RemovedParts<M>>,
 ) {
     let extracted = &mut *extracted;
-    extracted.changed.clear();
-    extracted.removed.clear();
     seen.clear();
 
     let parts = &mut *removed;
@@ -172,6 +187,7 @@ pub(super) fn extract_instances(
         .chain(parts.6.read())
         .chain(parts.7.read())
         .chain(parts.8.read())
+        .chain(parts.9.read())
         .collect();
     for entity in &lost {
         out_of_range.remove(entity);
@@ -190,6 +206,7 @@ pub(super) fn extract_instances(
 
     for data in &changed {
         if seen.insert(data.0) {
+            known.insert(data.0);
             extracted.changed.push(instance(data, &out_of_range));
         }
     }
@@ -199,7 +216,8 @@ pub(super) fn extract_instances(
         }
         match instances.get(entity) {
             Ok(data) => extracted.changed.push(instance(data, &out_of_range)),
-            Err(_) => extracted.removed.push(entity),
+            Err(_) if known.remove(&entity) => extracted.removed.push(entity),
+            Err(_) => {}
         }
     }
 }
@@ -217,15 +235,16 @@ fn is_in_range(cameras: &[Vec3A], range: &VisibilityRange, transform: &GlobalTra
     middle(&range.start_margin) <= distance && distance < middle(&range.end_margin)
 }
 
-fn instance(
-    (entity, mesh, material, transform, visibility, voxelized, layers, skinned, morphed): (
+fn instance<M: GiMaterial>(
+    (entity, mesh, material, transform, visibility, voxelized, layers, skinned, morphed, shadowless): (
         Entity,
         &Mesh3d,
-        &MeshMaterial3d<StandardMaterial>,
+        &MeshMaterial3d<M>,
         &GlobalTransform,
         &InheritedVisibility,
         Option<&VoxelizedMesh>,
         Option<&RenderLayers>,
+        bool,
         bool,
         bool,
     ),
@@ -235,7 +254,7 @@ fn instance(
     ExtractedInstance {
         entity,
         mesh: mesh.id(),
-        material: material.id(),
+        material: material.id().untyped(),
         transform: transform.affine(),
         enabled: voxelized.enabled && visibility.get() && !out_of_range.contains(&entity),
         layers: layers.cloned().unwrap_or_default(),
@@ -245,6 +264,7 @@ fn instance(
         }),
         two_sided: voxelized.two_sided,
         deforms: skinned || morphed,
+        casts_shadows: !shadowless,
     }
 }
 
@@ -252,24 +272,23 @@ fn instance(
 #[derive(Resource, Debug, Default)]
 pub(super) struct ExtractedMaterials {
     /// In the order of their events; `None` for one that is gone.
-    pub changed: Vec<(AssetId<StandardMaterial>, Option<Surface>)>,
+    pub changed: Vec<(UntypedAssetId, Option<Surface>)>,
 }
 
-/// Reads the materials that changed.
-pub(super) fn extract_materials(
+/// Reads the materials of a kind that changed.
+pub(super) fn extract_materials<M: GiMaterial>(
     mut extracted: ResMut<ExtractedMaterials>,
-    mut events: Extract<MessageReader<AssetEvent<StandardMaterial>>>,
-    materials: Extract<Res<Assets<StandardMaterial>>>,
+    mut events: Extract<MessageReader<AssetEvent<M>>>,
+    materials: Extract<Res<Assets<M>>>,
 ) {
-    extracted.changed.clear();
     for event in events.read() {
         match *event {
             AssetEvent::Added { id } | AssetEvent::Modified { id } => {
                 if let Some(material) = materials.get(id) {
-                    extracted.changed.push((id, Some(Surface::of(material))));
+                    extracted.changed.push((id.untyped(), Some(Surface::of(&material.stand_in()))));
                 }
             }
-            AssetEvent::Unused { id } => extracted.changed.push((id, None)),
+            AssetEvent::Unused { id } => extracted.changed.push((id.untyped(), None)),
             AssetEvent::Removed { .. } | AssetEvent::LoadedWithDependencies { .. } => {}
         }
     }

@@ -7,6 +7,7 @@
 //! - it shares a `RenderLayers` layer with some camera with global illumination;
 //! - it is not `VoxelizedMesh::OFF`;
 //! - mesh and material are there, and light does not pass the material;
+//! - it is lit, or casts shadows: what is `unlit` can only block, and `NotShadowCaster` says that it does not, as of skies and bulbs;
 //! - its transform is finite and keeps a volume.
 
 use std::collections::BTreeSet;
@@ -335,6 +336,9 @@ fn resolve(record: &Record, layers: &RenderLayers, meshes: &Meshes, materials: &
     }
     let mesh = meshes.get(source.mesh)?;
     let material = materials.class(source.material).filter(|material| material.present)?;
+    if material.unlit && !source.casts_shadows {
+        return None;
+    }
     let (deformed_offset, bounds) = match &record.shape {
         Shape::Rigid if is_sound(&source.transform) => (NONE, mesh.bounds.transformed(&source.transform)),
         Shape::Deformed(deformed) => (deformed.offset(), deformed.bounds),
@@ -357,7 +361,7 @@ fn resolve(record: &Record, layers: &RenderLayers, meshes: &Meshes, materials: &
         flags: flag(source.two_sided.unwrap_or(material.two_sided), INSTANCE_TWO_SIDED)
             | flag(material.flipped, INSTANCE_FLIPPED),
         albedo_override: source.albedo_override,
-        padding: 0,
+        color_offset: mesh.color_offset.unwrap_or(NONE),
     };
     Some(Resolved { instance, bounds, emits: material.emits })
 }

@@ -5,13 +5,15 @@
 //!   what dielectrics reflect before light comes to their colour: two to eight percent.
 //! - Blended, additive, multiplied and premultiplied surfaces, and those that transmit specularly (glass), are not there:
 //!   light passes them. Masked surfaces are there where alpha reaches their cutoff; alpha to coverage cuts at 0.5.
-//! - Unlit surfaces are as bright as their base colour whatever shines on them: they neither reflect nor emit, and block.
+//! - Unlit surfaces are as bright as their base colour whatever shines on them: they neither reflect nor emit, and block where
+//!   they cast shadows.
 //! - Emission is what is seen: Bevy shows it without exposure but for `emissive_exposure_weight`, so that its radiance is
 //!   `emissive * mix(1 / exposure, 1, weight)` cd/m^2, by the exposure of the first camera with global illumination.
 //! - Both sides reflect where `double_sided` is set or nothing is culled; `Face::Front` culled turns the surface round.
 //! - Textures count as thumbnails of 16x16 means; until they are loaded the surface is not there, as in Bevy.
-//! - Vertex colours and second UV sets are not looked at.
+//! - Vertex colours multiply base colour and its alpha, as in Bevy's lighting. Second UV sets are not looked at.
 
+use bevy::asset::UntypedAssetId;
 use bevy::math::{Affine2, Vec2, Vec3, Vec4};
 use bevy::pbr::StandardMaterial;
 use bevy::platform::collections::{HashMap, HashSet};
@@ -64,6 +66,8 @@ pub(super) struct Surface {
     two_sided: bool,
     /// Its front is where the winding is clockwise.
     flipped: bool,
+    /// Does nothing but block.
+    unlit: bool,
 }
 
 impl Surface {
@@ -102,6 +106,7 @@ impl Surface {
             transparent,
             two_sided: material.double_sided || material.cull_mode.is_none(),
             flipped: material.cull_mode == Some(Face::Front),
+            unlit: material.unlit,
         }
     }
 
@@ -144,6 +149,8 @@ pub(super) struct MaterialClass {
     pub flipped: bool,
     /// Shines by itself.
     pub emits: bool,
+    /// Does nothing but block.
+    pub unlit: bool,
 }
 
 struct Record {
@@ -157,11 +164,11 @@ pub(super) struct Materials {
     /// By slot.
     pub table: GpuTable<Material>,
     slots: SlotAllocator,
-    records: HashMap<AssetId<StandardMaterial>, Record>,
+    records: HashMap<UntypedAssetId, Record>,
     exposure: f32,
     /// To be written.
-    stale: HashSet<AssetId<StandardMaterial>>,
-    changed: HashSet<AssetId<StandardMaterial>>,
+    stale: HashSet<UntypedAssetId>,
+    changed: HashSet<UntypedAssetId>,
 }
 
 impl Default for Materials {
@@ -179,23 +186,24 @@ impl Default for Materials {
 
 impl Materials {
     /// What an instance needs to know; `None` for a material that is not loaded.
-    pub fn class(&self, id: AssetId<StandardMaterial>) -> Option<MaterialClass> {
+    pub fn class(&self, id: UntypedAssetId) -> Option<MaterialClass> {
         self.records.get(&id).map(|record| record.class)
     }
 
     /// Those whose class is another than at the last call.
-    pub fn take_changed(&mut self) -> HashSet<AssetId<StandardMaterial>> {
+    pub fn take_changed(&mut self) -> HashSet<UntypedAssetId> {
         std::mem::take(&mut self.changed)
     }
 
-    fn insert(&mut self, id: AssetId<StandardMaterial>, surface: Surface, thumbnails: &mut Thumbnails, limit: u32) {
+    fn insert(&mut self, id: UntypedAssetId, surface: Surface, thumbnails: &mut Thumbnails, limit: u32) {
         let slot = match self.records.get(&id) {
             Some(record) => Some(record.class.slot),
             None => self.slots.allocate(limit),
         };
         let Some(slot) = slot else { return };
         surface.thumbnails().for_each(|key| thumbnails.acquire(key));
-        let class = MaterialClass { slot, present: false, two_sided: false, flipped: false, emits: false };
+        let class =
+            MaterialClass { slot, present: false, two_sided: false, flipped: false, emits: false, unlit: false };
         if let Some(before) = self.records.get_mut(&id) {
             before.surface.thumbnails().for_each(|key| thumbnails.release(key));
             before.surface = surface;
@@ -205,7 +213,7 @@ impl Materials {
         self.stale.insert(id);
     }
 
-    fn remove(&mut self, id: AssetId<StandardMaterial>, thumbnails: &mut Thumbnails) {
+    fn remove(&mut self, id: UntypedAssetId, thumbnails: &mut Thumbnails) {
         if let Some(record) = self.records.remove(&id) {
             record.surface.thumbnails().for_each(|key| thumbnails.release(key));
             self.slots.free(record.class.slot);
@@ -261,6 +269,7 @@ pub(super) fn resolve_materials(mut materials: ResMut<Materials>, mut thumbnails
             two_sided: surface.two_sided,
             flipped: surface.flipped,
             emits: surface.emissive != Vec3::ZERO,
+            unlit: surface.unlit,
         };
         let gpu = surface.to_gpu(materials.exposure, |key| thumbnails.get(key));
         materials.table.set(class.slot as usize, gpu);

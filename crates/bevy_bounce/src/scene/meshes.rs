@@ -132,6 +132,8 @@ pub(super) struct MeshEntry {
     pub skin_offset: Option<u32>,
     /// First word of the morph deltas.
     pub morph_offset: u32,
+    /// First word of the colours, where there are any.
+    pub color_offset: Option<u32>,
     /// Box of the positions, local.
     pub bounds: Bounds,
     /// Box of the vertices that follow a joint, by joint.
@@ -153,6 +155,7 @@ impl MeshEntry {
             areas: packed.areas,
             skin_offset: packed.skin_offset.map(|offset| start + offset),
             morph_offset: start + packed.morph_offset,
+            color_offset: packed.color_offset.map(|offset| start + offset),
             bounds: packed.bounds,
             joint_bounds: packed.joint_bounds,
             morph_bounds: packed.morph_bounds,

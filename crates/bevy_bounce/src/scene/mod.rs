@@ -6,6 +6,7 @@
 //! |---|---|---|
 //! | `extract` | main world, by change | components as they are |
 //! | `meshes`, `pack` | extracted mesh assets | geometry buffer |
+//! | `stand_in` | materials of a game's own | `StandardMaterial`s that stand for them |
 //! | `materials` | `StandardMaterial`s | table of [`Material`](bevy_bounce_shaders::types::Material)s |
 //! | `thumbnails` | images | 16x16 means |
 //! | `instances` | all of the above | instances, chunks, bounds |
@@ -35,6 +36,7 @@ mod passes;
 mod prepare;
 mod regions;
 mod sky;
+mod stand_in;
 mod table;
 #[cfg(test)]
 mod tests;
@@ -49,7 +51,7 @@ use bevy::render::{ExtractSchedule, Render, RenderApp, RenderStartup, RenderSyst
 
 use self::deform::{DeformJobs, ExtractedPoses, extract_poses, update_deformed};
 use self::extract::{ExtractedInstances, ExtractedMaterials, SceneCameras};
-use self::extract::{extract_cameras, extract_instances, extract_materials};
+use self::extract::{extract_cameras, forget_changes};
 use self::groups::{ExtractedGroups, extract_groups, update_groups};
 use self::instances::{resolve_instances, update_instances};
 use self::lights::{ExtractedLights, Lights, extract_lights, update_lights};
@@ -73,6 +75,7 @@ pub(crate) use self::instances::Instances;
 pub(crate) use self::prepare::SceneBuffers;
 pub(crate) use self::regions::Regions;
 pub(crate) use self::sky::SkyBuffers;
+pub use self::stand_in::{GiMaterial, GiMaterialPlugin};
 
 /// What a light adds to the bounced light; without it a light takes part as [`GiLight::default`]. On a camera, it is that of the
 /// sky: see [`GiSettings::sky`](crate::GiSettings::sky).
@@ -127,6 +130,7 @@ pub struct GiScenePlugin;
 impl Plugin for GiScenePlugin {
     fn build(&self, app: &mut App) {
         app.register_type::<GiLight>().register_type::<VoxelizedMesh>().register_type::<VoxelizedGroup>();
+        app.add_plugins(GiMaterialPlugin::<StandardMaterial>::default());
     }
 
     fn finish(&self, app: &mut App) {
@@ -154,11 +158,7 @@ impl Plugin for GiScenePlugin {
             .add_systems(RenderStartup, (init_scene, init_pipelines, init_sky))
             .add_systems(
                 ExtractSchedule,
-                (
-                    extract_cameras,
-                    (extract_instances, extract_groups, extract_materials, extract_lights, extract_poses, extract_sky),
-                )
-                    .chain(),
+                (forget_changes, extract_cameras, (extract_groups, extract_lights, extract_poses, extract_sky)).chain(),
             )
             .add_systems(
                 Render,

@@ -8,6 +8,7 @@
 //! | indices | 3 u32, relative to the first vertex | triangle, level of detail by level |
 //! | skin | 4 joints (u16), 4 weights (unorm16) | vertex, skinned meshes only |
 //! | morph deltas | position (3 f32) | target, then vertex; morphed meshes only |
+//! | colours | RGBA8, colour as its square root | vertex, meshes with colours only |
 //!
 //! Only the first UV set is kept, in half floats: thumbnails have 16 texels.
 
@@ -47,6 +48,8 @@ pub(super) struct PackedMesh {
     pub skin_offset: Option<u32>,
     /// First word of the morph deltas.
     pub morph_offset: u32,
+    /// First word of the colours, where there are any.
+    pub color_offset: Option<u32>,
     /// Box of the positions.
     pub bounds: Bounds,
     /// Box of the vertices that follow a joint, by joint; joints that move nothing are left out.
@@ -89,6 +92,7 @@ pub(super) fn pack(mesh: &Mesh) -> Result<PackedMesh, Unusable> {
     }
     pack_skin(mesh, &mut packed, positions);
     pack_morph_targets(mesh, &mut packed);
+    pack_colors(mesh, &mut packed);
     Ok(packed)
 }
 
@@ -199,6 +203,20 @@ fn pack_morph_targets(mesh: &Mesh, packed: &mut PackedMesh) {
     }
 }
 
+fn pack_colors(mesh: &Mesh, packed: &mut PackedMesh) {
+    let Ok(VertexAttributeValues::Float32x4(colors)) = mesh.try_attribute(Mesh::ATTRIBUTE_COLOR) else { return };
+    if colors.len() == packed.vertex_count as usize {
+        packed.color_offset = Some(packed.words.len() as u32);
+        packed.words.extend(colors.iter().map(pack_color));
+    }
+}
+
+fn pack_color([r, g, b, a]: &[f32; 4]) -> u32 {
+    // What is not a number is 0 as a byte.
+    let byte = |x: f32| (x.clamp(0.0, 1.0) * 255.0).round() as u8;
+    u32::from_le_bytes([byte(r.sqrt()), byte(g.sqrt()), byte(b.sqrt()), byte(*a)])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -286,6 +304,16 @@ mod tests {
         assert_eq!(packed.joint_bounds.iter().map(|(joint, _)| *joint).collect::<Vec<_>>(), [1, 2]);
         assert_eq!(packed.joint_bounds[1].1, joint_2);
         assert_eq!(packed.morph_bounds[1], Bounds { min: Vec3::splat(3.0), max: Vec3::splat(5.0) });
+    }
+
+    #[test]
+    fn colors_are_bytes_of_roots() {
+        let colors = vec![[0.25, 1.0, 4.0, 0.5], [0.0, -1.0, f32::NAN, f32::NAN], [1.0; 4]];
+        let mesh =
+            mesh(PrimitiveTopology::TriangleList, grid(3)).with_inserted_attribute(Mesh::ATTRIBUTE_COLOR, colors);
+        let packed = pack(&mesh).unwrap_or_default();
+        assert_eq!((packed.color_offset, packed.words.len()), (Some(3 * 4 + 3), 15 + 3));
+        assert_eq!(packed.words[15..], [0x80ff_ff80, 0, u32::MAX]);
     }
 
     #[test]

@@ -21,7 +21,7 @@ use super::thumbnails::Thumbnails;
 /// time, and is a new one after growth: bind groups are made anew every frame.
 #[derive(Resource)]
 pub(crate) struct SceneBuffers {
-    /// `array<u32>`: vertices, indices, deformed vertices. See `types.rs`.
+    /// `array<u32>`: vertices, indices, deformed vertices. See `types/scene.rs`.
     pub geometry: Buffer,
     /// `array<Instance>`, by slot; free ones have no triangles.
     pub instances: Buffer,

@@ -6,6 +6,7 @@ use bevy::app::PluginsState;
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::visibility::{RenderLayers, VisibilityRange};
 use bevy::image::Image;
+use bevy::light::NotShadowCaster;
 use bevy::log::LogPlugin;
 use bevy::mesh::morph::{MeshMorphWeights, MorphAttributes};
 use bevy::mesh::skinning::{SkinnedMesh, SkinnedMeshInverseBindposes};
@@ -193,6 +194,21 @@ fn objects_come_move_hide_and_go() {
     app.world_mut().entity_mut(a).remove::<VisibilityRange>();
     app.update();
     assert_eq!(taking_part(&app), 2);
+
+    // What is lit reflects, with or without a shadow; what is not has nothing but its shadow.
+    for (unlit, casts_shadows, expected) in [(false, false, 2), (true, false, 1), (true, true, 2), (false, true, 2)] {
+        if let Some(mut changed) = app.world_mut().resource_mut::<Assets<StandardMaterial>>().get_mut(&material) {
+            changed.unlit = unlit;
+        }
+        let mut entity = app.world_mut().entity_mut(a);
+        if casts_shadows {
+            entity.remove::<NotShadowCaster>();
+        } else {
+            entity.insert(NotShadowCaster);
+        }
+        app.update();
+        assert_eq!(taking_part(&app), expected, "unlit {unlit}, casts shadows {casts_shadows}");
+    }
 
     app.world_mut().entity_mut(a).insert(VoxelizedMesh { albedo: Some(Color::linear_rgb(1.0, 0.0, 0.2)), ..default() });
     app.world_mut().entity_mut(b).insert(VoxelizedMesh::OFF);

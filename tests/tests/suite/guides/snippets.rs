@@ -6,8 +6,10 @@ use bevy::core_pipeline::prepass::DeferredPrepass;
 use bevy::ecs::reflect::AppTypeRegistry;
 use bevy::ecs::system::RunSystemOnce;
 use bevy::gltf::GltfAssetLabel;
+use bevy::pbr::{ExtendedMaterial, MaterialExtension};
 use bevy::prelude::*;
 use bevy::reflect::serde::{TypedReflectDeserializer, TypedReflectSerializer};
+use bevy::render::render_resource::AsBindGroup;
 use bevy::world_serialization::{WorldAsset, WorldAssetRoot};
 use bevy_bounce::GiSettings;
 use bevy_bounce::prelude::*;
@@ -70,6 +72,33 @@ fn load(text: &str, types: &AppTypeRegistry) -> Quality {
     let mut json = serde_json::Deserializer::from_str(text);
     let value = TypedReflectDeserializer::new(registration, &types).deserialize(&mut json);
     value.ok().and_then(|value| Quality::from_reflect(&*value)).unwrap_or_default()
+}
+
+#[derive(Asset, AsBindGroup, TypePath, Clone)]
+struct Snow {}
+
+impl MaterialExtension for Snow {}
+
+#[derive(Asset, AsBindGroup, TypePath, Clone)]
+struct Lava {
+    heat: f32,
+}
+
+impl Material for Lava {}
+
+impl GiMaterial for Lava {
+    fn stand_in(&self) -> StandardMaterial {
+        StandardMaterial { base_color: Color::BLACK, emissive: LinearRgba::rgb(self.heat, 0.2, 0.0), ..default() }
+    }
+}
+
+fn add_materials(app: &mut App) {
+    app.add_plugins((
+        MaterialPlugin::<ExtendedMaterial<StandardMaterial, Snow>>::default(),
+        GiMaterialPlugin::<ExtendedMaterial<StandardMaterial, Snow>>::default(),
+        MaterialPlugin::<Lava>::default(),
+        GiMaterialPlugin::<Lava>::default(),
+    ));
 }
 
 fn bounced_light_runs(cameras: Query<(), (With<GlobalIllumination>, With<DeferredPrepass>)>) -> bool {
@@ -147,4 +176,15 @@ fn lights_meshes_and_baked_rooms_are_spawned() {
     assert_eq!(world.query::<&VoxelizedMesh>().iter(world).filter(|mesh| mesh.enabled).count(), 1);
     assert_eq!(world.query::<&GlobalIllumination>().iter(world).filter(|gi| gi.budget.is_some()).count(), 1);
     assert_eq!(world.query::<(&CssmObject, &WorldAssetRoot)>().iter(world).count(), 1);
+}
+
+#[test]
+fn materials_of_a_game_are_announced() {
+    let mut app = App::new();
+    app.add_plugins((MinimalPlugins, AssetPlugin::default()));
+    add_materials(&mut app);
+    assert!(app.is_plugin_added::<GiMaterialPlugin<Lava>>());
+    let lava = app.world_mut().resource_mut::<Assets<Lava>>().add(Lava { heat: 4.0 });
+    let lava = app.world().resource::<Assets<Lava>>().get(&lava).map(GiMaterial::stand_in);
+    assert_eq!(lava.map(|lava| lava.emissive.red), Some(4.0));
 }

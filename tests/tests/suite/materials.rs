@@ -1,0 +1,161 @@
+//! What surfaces are for bounced light that have colours at their vertices, or a material of a game's own.
+
+use bevy::mesh::VertexAttributeValues;
+use bevy::pbr::{ExtendedMaterial, MaterialExtension};
+use bevy::prelude::*;
+use bevy::render::render_resource::AsBindGroup;
+use bevy_bounce::{GiMaterial, GiMaterialPlugin};
+use bevy_bounce_tests::picture::Picture;
+use bevy_bounce_tests::stage::{SMALL, Stage};
+
+const SIZE: UVec2 = UVec2::new(48, 32);
+const RED: LinearRgba = LinearRgba::rgb(0.8, 0.1, 0.1);
+
+/// Drawn by Bevy's plain shader; for bounced light, that standard material.
+#[derive(Asset, AsBindGroup, TypePath, Clone)]
+struct Own {
+    look: StandardMaterial,
+}
+
+impl Material for Own {}
+
+impl GiMaterial for Own {
+    fn stand_in(&self) -> StandardMaterial {
+        self.look.clone()
+    }
+}
+
+#[derive(Asset, AsBindGroup, TypePath, Clone, Default)]
+struct Nothing {}
+
+impl MaterialExtension for Nothing {}
+
+type Extended = ExtendedMaterial<StandardMaterial, Nothing>;
+
+#[derive(Component)]
+struct Wall;
+
+fn matte(color: LinearRgba) -> StandardMaterial {
+    StandardMaterial { base_color: color.into(), perceptual_roughness: 1.0, reflectance: 0.0, ..default() }
+}
+
+fn cuboid() -> Mesh {
+    Cuboid::new(0.4, 2.0, 4.0).into()
+}
+
+/// A white floor from above, a lamp, and out of sight a red wall.
+fn stage(plugins: impl FnOnce(&mut App)) -> Stage {
+    Stage::new(SIZE, SMALL, |app| {
+        app.add_plugins((MaterialPlugin::<Own>::default(), MaterialPlugin::<Extended>::default()));
+        plugins(app);
+        app.add_systems(
+            Startup,
+            |mut commands: Commands, mut meshes: ResMut<Assets<Mesh>>, mut paints: ResMut<Assets<StandardMaterial>>| {
+                let floor = Plane3d::default().mesh().size(4.0, 4.0).build();
+                commands.spawn((Mesh3d(meshes.add(floor)), MeshMaterial3d(paints.add(matte(LinearRgba::WHITE)))));
+                let place = Transform::from_xyz(-1.6, 1.0, 0.0);
+                commands.spawn((Wall, Mesh3d(meshes.add(cuboid())), MeshMaterial3d(paints.add(matte(RED))), place));
+                let lamp = PointLight { intensity: 100_000.0, range: 50.0, ..default() };
+                commands.spawn((lamp, Transform::from_xyz(-0.5, 1.2, 0.0)));
+                let eye = Transform::from_xyz(0.5, 3.0, 0.0).looking_at(Vec3::new(0.5, 0.0, 0.0), Vec3::NEG_Z);
+                commands.spawn((Camera3d::default(), eye));
+            },
+        );
+    })
+}
+
+/// All of the picture: the floor, and nothing else.
+fn light(picture: &Picture) -> [f64; 3] {
+    picture.mean_of(0..picture.width, 0..picture.height)
+}
+
+/// No more than what the floor sends itself by rounding.
+fn is_dark(light: f64, beside: f64) -> bool {
+    light < 1e-4 * beside
+}
+
+fn paint<M: Material>(stage: &mut Stage, material: M) -> Handle<M> {
+    let handle = stage.world().resource_mut::<Assets<M>>().add(material);
+    let wall = stage.only::<Wall>();
+    stage.world().entity_mut(wall).insert(MeshMaterial3d(handle.clone()));
+    handle
+}
+
+fn strip(stage: &mut Stage) {
+    let wall = stage.only::<Wall>();
+    stage.world().entity_mut(wall).remove::<MeshMaterial3d<StandardMaterial>>();
+}
+
+#[test]
+fn an_extended_material_reflects_as_its_base() {
+    let mut stage = stage(|app| {
+        app.add_plugins(GiMaterialPlugin::<Extended>::default());
+    });
+    let red = stage.picture();
+    let [r, g, _] = light(&red);
+    assert!(r > 4.0 * g && g > 0.0, "the wall's light is not red: {:?}", light(&red));
+    strip(&mut stage);
+    paint(&mut stage, Extended { base: matte(RED), extension: Nothing {} });
+    assert!(stage.settled_picture() == red, "{:?} of {:?}", light(&stage.captured()), light(&red));
+    let wall = stage.only::<Wall>();
+    stage.world().entity_mut(wall).remove::<MeshMaterial3d<Extended>>();
+    let left = light(&stage.picture())[0];
+    assert!(is_dark(left, r), "what has no material reflects: {left} of {r}");
+}
+
+#[test]
+fn a_material_of_a_games_own_reflects_as_its_stand_in() {
+    let mut stage = stage(|app| {
+        app.add_plugins(GiMaterialPlugin::<Own>::default());
+    });
+    let red = stage.picture();
+    strip(&mut stage);
+    let own = paint(&mut stage, Own { look: matte(LinearRgba::GREEN) });
+    let [r, g, _] = light(&stage.settled_picture());
+    assert!(is_dark(r, g), "the wall's light is not green: {r}, {g}");
+    if let Some(mut material) = stage.world().resource_mut::<Assets<Own>>().get_mut(&own) {
+        material.look = matte(RED);
+    }
+    assert!(stage.picture() == red, "{:?} of {:?}", light(&stage.captured()), light(&red));
+
+    let shines = StandardMaterial { emissive: LinearRgba::rgb(0.0, 0.0, 3.0), ..matte(LinearRgba::BLACK) };
+    if let Some(mut material) = stage.world().resource_mut::<Assets<Own>>().get_mut(&own) {
+        material.look = shines.clone();
+    }
+    let lit = light(&stage.settled_picture());
+    assert!(is_dark(lit[0], lit[2]), "the wall does not shine: {lit:?}");
+    let wall = stage.only::<Wall>();
+    stage.world().entity_mut(wall).remove::<MeshMaterial3d<Own>>();
+    paint(&mut stage, shines);
+    assert_eq!(light(&stage.settled_picture()), lit);
+}
+
+#[test]
+fn a_material_that_is_not_announced_takes_no_part() {
+    let mut stage = stage(|_| {});
+    let red = light(&stage.picture())[0];
+    strip(&mut stage);
+    paint(&mut stage, Own { look: matte(RED) });
+    let left = light(&stage.settled_picture())[0];
+    assert!(is_dark(left, red), "{left} of {red}");
+}
+
+#[test]
+fn colors_of_vertices_are_reflected() {
+    let mut stage = stage(|_| {});
+    let red = light(&stage.picture());
+    paint(&mut stage, matte(LinearRgba::WHITE));
+    let without = light(&stage.picture());
+    assert!(without[1] > 4.0 * red[1], "{without:?}");
+    let mut mesh = cuboid();
+    mesh.insert_attribute(
+        Mesh::ATTRIBUTE_COLOR,
+        VertexAttributeValues::Float32x4(vec![RED.to_f32_array(); mesh.count_vertices()]),
+    );
+    let mesh = stage.world().resource_mut::<Assets<Mesh>>().add(mesh);
+    let wall = stage.only::<Wall>();
+    stage.world().entity_mut(wall).insert(Mesh3d(mesh));
+    let found = light(&stage.settled_picture());
+    let is_near = (0..3).all(|i| (found[i] / red[i] - 1.0).abs() < 0.03);
+    assert!(is_near, "{found:?} of {red:?}");
+}
