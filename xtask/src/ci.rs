@@ -14,10 +14,31 @@ use crate::table::{Table, duration};
 /// Test binaries that use a device, which the second run of tests is of.
 const DEVICE_TESTS: [&str; 5] = ["suite", "baked", "caches", "frames", "settings"];
 
-/// Tests that run once, by parts of their names: what no device takes part in, and what compares many pictures with references or with each
-/// other. That both limits light a scene alike is for the tests of single scenes.
-const ONCE: [&str; 7] =
-    ["guides::", "lightmap::", "metrics::", "cssm::references", "poses_equal", "coverage::", "calm::"];
+/// Tests that run once, by parts of their names: those that no device takes part in, and those of many pictures that have others beside
+/// them in which the same passes run with both limits. That both light a scene alike is a test by itself.
+const ONCE: [&str; 21] = [
+    "guides::",
+    "lightmap::",
+    "metrics::",
+    "agreement::",
+    "calm::",
+    "compose::",
+    "coverage::",
+    "cssm::examples",
+    "cssm::glossy",
+    "cssm::moving",
+    "cssm::references",
+    "cuts::",
+    "history::frames",
+    "nested::a_drive",
+    "panel::",
+    "recovery::",
+    "soak::",
+    "ssbc::corners",
+    "ssbc::the_parts",
+    "what_is_mirrored",
+    "white_furnace",
+];
 
 /// Steps in the order they run. Clippy leaves the dependencies' metadata behind, which `docs` uses again; both test
 /// runs share one build.

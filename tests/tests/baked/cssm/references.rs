@@ -53,19 +53,21 @@ fn assert_agreement(name: &str) -> Option<(Stage, Picture)> {
 }
 
 #[test]
-fn cornell_spot_equals_its_reference() {
-    let Some((mut stage, reference)) = assert_agreement("cornell_spot") else { return };
+fn u_room_equals_its_reference() {
+    let Some((mut stage, reference)) = assert_agreement("u_room") else { return };
     // The bounds would notice: without what bounces twice there is too little.
     stage.light_by(radiosity(1, 16.0));
     compare(&stage.settled_picture(), &reference, &BOUNDS).expect_err("the bounds are too wide to tell");
 }
 
 #[test]
-fn u_room_equals_its_reference() {
-    assert_agreement("u_room");
+#[ignore = "takes minutes on a software adapter, as one more of its kind"]
+fn cornell_spot_equals_its_reference() {
+    assert_agreement("cornell_spot");
 }
 
 #[test]
+#[ignore = "takes minutes on a software adapter, as one more of its kind"]
 fn corner_equals_its_reference() {
     assert_agreement("corner");
 }

@@ -124,6 +124,7 @@ fn no_picture_stands_out_in_a_crowd() {
 }
 
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn no_frame_stands_out_in_a_crowd_lit_by_caches() {
     let (_, alone) = unrest_of_a_crowd(Technique::RadianceCache, GiIsolate::Indirect);
     assert!(alone < 0.01, "a frame's mean is {alone} off its neighbours");

@@ -62,6 +62,7 @@ fn every_pixel_has_light_in_textured_scenes() {
 }
 
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn every_pixel_has_light_in_generated_scenes() {
     let scenes: [(&str, fn(&mut App)); 7] = [
         ("cornell", |app| _ = app.add_plugins(CornellPlugin)),
