@@ -109,8 +109,9 @@ fn a_material_of_a_games_own_reflects_as_its_stand_in() {
         app.add_plugins(GiMaterialPlugin::<Own>::default());
     });
     let red = stage.picture();
-    strip(&mut stage);
     let own = paint(&mut stage, Own { look: matte(LinearRgba::GREEN) });
+    stage.picture();
+    strip(&mut stage);
     let [r, g, _] = light(&stage.settled_picture());
     assert!(is_dark(r, g), "the wall's light is not green: {r}, {g}");
     if let Some(mut material) = stage.world().resource_mut::<Assets<Own>>().get_mut(&own) {

@@ -3,6 +3,8 @@
 //! Bevy's own tables of instances, skins and lights hold what some view sees; what a camera does not see lights the room
 //! all the same.
 
+use std::any::TypeId;
+
 use bevy::asset::{AssetEvent, UntypedAssetId};
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers, VisibilityRange};
@@ -120,8 +122,8 @@ pub(super) struct ExtractedInstance {
 pub(super) struct ExtractedInstances {
     /// New and changed ones, each once.
     pub changed: Vec<ExtractedInstance>,
-    /// Those that are gone or lack what they need.
-    pub removed: Vec<Entity>,
+    /// Those that are gone or lack what they need, and the kind of material that they had.
+    pub removed: Vec<(Entity, TypeId)>,
 }
 
 type InstanceData<M> = (
@@ -216,7 +218,7 @@ pub(super) fn extract_instances<M: GiMaterial>(
         }
         match instances.get(entity) {
             Ok(data) => extracted.changed.push(instance(data, &out_of_range)),
-            Err(_) if known.remove(&entity) => extracted.removed.push(entity),
+            Err(_) if known.remove(&entity) => extracted.removed.push((entity, TypeId::of::<M>())),
             Err(_) => {}
         }
     }

@@ -10,6 +10,7 @@
 //! - it is lit, or casts shadows: what is `unlit` can only block, and `NotShadowCaster` says that it does not, as of skies and bulbs;
 //! - its transform is finite and keeps a volume.
 
+use std::any::TypeId;
 use std::collections::BTreeSet;
 
 use bevy::camera::visibility::RenderLayers;
@@ -170,11 +171,13 @@ impl Instances {
         self.records[slot as usize] = Some(Record { source, shape, bounds, emits });
     }
 
-    fn remove(&mut self, entity: Entity, geometry: &mut Geometry) {
-        if let Some(slot) = self.by_entity.remove(&entity) {
-            if let Some(record) = self.records[slot as usize].take() {
-                record.shape.free(geometry);
-            }
+    /// Forgets an entity, unless it has a material of another kind by now.
+    fn remove(&mut self, entity: Entity, material: TypeId, geometry: &mut Geometry) {
+        let Some(slot) = self.by_entity.get(&entity).copied() else { return };
+        let record = &mut self.records[slot as usize];
+        if let Some(record) = record.take_if(|record| record.source.material.type_id() == material) {
+            record.shape.free(geometry);
+            self.by_entity.remove(&entity);
             self.slots.free(slot);
             self.dirty.insert(slot);
         }
@@ -260,8 +263,8 @@ pub(super) fn update_instances(
     device: Res<RenderDevice>,
 ) {
     let instances = &mut *instances;
-    for entity in extracted.removed.drain(..) {
-        instances.remove(entity, &mut geometry);
+    for (entity, material) in extracted.removed.drain(..) {
+        instances.remove(entity, material, &mut geometry);
     }
     let limit = (buffer_limit(&device).0 / GpuTable::<Instance>::stride()) as u32;
     // Slots go to new instances in the order of their entities, whatever the order of the query.
