@@ -47,7 +47,7 @@ pub struct Instance {
     pub flags: u32,
     /// RGBA8 linear albedo that replaces the material's where alpha is not 0.
     pub albedo_override: u32,
-    /// First vertex colour, in words of the geometry buffer, or [`NONE`](super::NONE).
+    /// First vertex colour (RGBA8, the colour as its square root), in words of the geometry buffer, or [`NONE`](super::NONE).
     pub color_offset: u32,
 }
 

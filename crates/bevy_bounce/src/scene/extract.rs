@@ -120,7 +120,7 @@ pub(super) struct ExtractedInstance {
 /// Changes since the last frame.
 #[derive(Resource, Debug, Default)]
 pub(super) struct ExtractedInstances {
-    /// New and changed ones, each once.
+    /// New and changed ones, each once for every kind of material that it has.
     pub changed: Vec<ExtractedInstance>,
     /// Those that are gone or lack what they need, and the kind of material that they had.
     pub removed: Vec<(Entity, TypeId)>,
