@@ -109,11 +109,17 @@ fn a_material_of_a_games_own_reflects_as_its_stand_in() {
         app.add_plugins(GiMaterialPlugin::<Own>::default());
     });
     let red = stage.picture();
+    let wall = stage.only::<Wall>();
+    paint(&mut stage, Own { look: matte(LinearRgba::GREEN) });
+    let green = stage.picture();
+    let [r, g, _] = light(&green);
+    assert!(is_dark(r, g), "the wall's light is not green: {r}, {g}");
+    stage.world().entity_mut(wall).remove::<MeshMaterial3d<Own>>();
+    assert!(stage.picture() == red, "the paint beneath does not come back: {:?}", light(&stage.captured()));
     let own = paint(&mut stage, Own { look: matte(LinearRgba::GREEN) });
     stage.picture();
     strip(&mut stage);
-    let [r, g, _] = light(&stage.settled_picture());
-    assert!(is_dark(r, g), "the wall's light is not green: {r}, {g}");
+    assert!(stage.settled_picture() == green, "{:?} of {:?}", light(&stage.captured()), light(&green));
     if let Some(mut material) = stage.world().resource_mut::<Assets<Own>>().get_mut(&own) {
         material.look = matte(RED);
     }
@@ -125,7 +131,6 @@ fn a_material_of_a_games_own_reflects_as_its_stand_in() {
     }
     let lit = light(&stage.settled_picture());
     assert!(is_dark(lit[0], lit[2]), "the wall does not shine: {lit:?}");
-    let wall = stage.only::<Wall>();
     stage.world().entity_mut(wall).remove::<MeshMaterial3d<Own>>();
     paint(&mut stage, shines);
     assert_eq!(light(&stage.settled_picture()), lit);

@@ -117,6 +117,13 @@ pub(super) struct ExtractedInstance {
     pub casts_shadows: bool,
 }
 
+impl ExtractedInstance {
+    /// Of its material.
+    pub fn kind(&self) -> TypeId {
+        self.material.type_id()
+    }
+}
+
 /// Changes since the last frame.
 #[derive(Resource, Debug, Default)]
 pub(super) struct ExtractedInstances {

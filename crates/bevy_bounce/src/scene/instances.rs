@@ -9,11 +9,14 @@
 //! - mesh and material are there, and light does not pass the material;
 //! - it is lit, or casts shadows: what is `unlit` can only block, and `NotShadowCaster` says that it does not, as of skies and bulbs;
 //! - its transform is finite and keeps a volume.
+//!
+//! Of materials of several kinds on one mesh, as while a game replaces one, the last kind to come counts, and with its end that before.
 
 use std::any::TypeId;
 use std::collections::BTreeSet;
 
 use bevy::camera::visibility::RenderLayers;
+use bevy::ecs::entity::EntityHashMap;
 use bevy::log::warn;
 use bevy::math::Affine3A;
 use bevy::platform::collections::{HashMap, HashSet};
@@ -55,6 +58,8 @@ pub(crate) struct Instances {
     slots: SlotAllocator,
     by_entity: HashMap<Entity, u32>,
     records: Vec<Option<Record>>,
+    /// What entities are by materials of further kinds, one of each.
+    spare: EntityHashMap<Vec<ExtractedInstance>>,
     dirty: BTreeSet<u32>,
     layers: RenderLayers,
     bounds: Bounds,
@@ -76,6 +81,7 @@ impl Default for Instances {
             slots: SlotAllocator::default(),
             by_entity: HashMap::default(),
             records: Vec::new(),
+            spare: EntityHashMap::default(),
             dirty: BTreeSet::new(),
             layers: RenderLayers::default(),
             bounds: Bounds::EMPTY,
@@ -154,6 +160,15 @@ impl Instances {
                 slot
             }
         };
+        let record = self.records[slot as usize].as_ref();
+        if let Some(shown) = record.map(|record| &record.source).filter(|shown| shown.kind() != source.kind()) {
+            let spare = self.spare.entry(entity).or_default();
+            if let Some(known) = spare.iter_mut().find(|known| known.kind() == source.kind()) {
+                *known = source;
+                return;
+            }
+            spare.push(shown.clone());
+        }
         self.dirty.insert(slot);
         let before = self.records[slot as usize].take();
         let (emits, bounds) = before.as_ref().map_or((false, Bounds::EMPTY), |record| (record.emits, record.bounds));
@@ -171,15 +186,24 @@ impl Instances {
         self.records[slot as usize] = Some(Record { source, shape, bounds, emits });
     }
 
-    /// Forgets an entity, unless it has a material of another kind by now.
-    fn remove(&mut self, entity: Entity, material: TypeId, geometry: &mut Geometry) {
+    /// Forgets what an entity is by a material of that kind.
+    fn remove(&mut self, entity: Entity, kind: TypeId, geometry: &mut Geometry, limit: u32) {
         let Some(slot) = self.by_entity.get(&entity).copied() else { return };
-        let record = &mut self.records[slot as usize];
-        if let Some(record) = record.take_if(|record| record.source.material.type_id() == material) {
-            record.shape.free(geometry);
-            self.by_entity.remove(&entity);
-            self.slots.free(slot);
-            self.dirty.insert(slot);
+        let Some(record) = self.records[slot as usize].take_if(|record| record.source.kind() == kind) else {
+            if let Some(spare) = self.spare.get_mut(&entity) {
+                spare.retain(|source| source.kind() != kind);
+            }
+            return;
+        };
+        record.shape.free(geometry);
+        self.by_entity.remove(&entity);
+        self.slots.free(slot);
+        self.dirty.insert(slot);
+        if let Some(mut spare) = self.spare.remove(&entity)
+            && let Some(source) = spare.pop()
+        {
+            self.insert(source, geometry, limit);
+            self.spare.insert(entity, spare);
         }
     }
 
@@ -263,14 +287,16 @@ pub(super) fn update_instances(
     device: Res<RenderDevice>,
 ) {
     let instances = &mut *instances;
-    for (entity, material) in extracted.removed.drain(..) {
-        instances.remove(entity, material, &mut geometry);
-    }
     let limit = (buffer_limit(&device).0 / GpuTable::<Instance>::stride()) as u32;
-    // Slots go to new instances in the order of their entities, whatever the order of the query.
+    for (entity, kind) in extracted.removed.drain(..) {
+        instances.remove(entity, kind, &mut geometry, limit);
+    }
+    // Slots go to new instances in the order of their entities, whatever the order of the query; a material of a game's own comes after
+    // a standard one.
     let (known, mut new): (Vec<_>, Vec<_>) =
         extracted.changed.drain(..).partition(|source| instances.by_entity.contains_key(&source.entity));
-    new.sort_by_key(|source| spawn_order(source.entity));
+    let is_own = |source: &ExtractedInstance| source.kind() != TypeId::of::<StandardMaterial>();
+    new.sort_by_key(|source| (spawn_order(source.entity), is_own(source)));
     for source in known.into_iter().chain(new) {
         instances.insert(source, &mut geometry, limit);
     }
