@@ -4,6 +4,7 @@ mod examples;
 mod eyes;
 mod glossy;
 mod light;
+mod materials;
 mod moving;
 mod query;
 mod references;

@@ -89,8 +89,22 @@ pub struct Overlaps {
 }
 
 impl Overlaps {
+    /// What is to be told of pairs that overlap and were not told before, by what their entities are called.
+    pub fn new_warnings(
+        &mut self,
+        objects: &[(Entity, Affine3A, &Hull)],
+        name: impl Fn(Entity) -> String,
+    ) -> Vec<String> {
+        let warning = |[a, b]: [String; 2]| {
+            format!(
+                "the hulls of the baked objects {a} and {b} overlap: what one hides within the other from third ones is not known"
+            )
+        };
+        self.new_pairs(objects).into_iter().map(|pair| warning(pair.map(&name))).collect()
+    }
+
     /// Pairs that overlap and were not told before. Nothing is done while nothing moves.
-    pub fn new_pairs(&mut self, objects: &[(Entity, Affine3A, &Hull)]) -> Vec<[Entity; 2]> {
+    fn new_pairs(&mut self, objects: &[(Entity, Affine3A, &Hull)]) -> Vec<[Entity; 2]> {
         let places: Vec<_> = objects.iter().map(|&(entity, place, _)| (entity, place)).collect();
         if places == self.places {
             return Vec::new();
@@ -144,5 +158,22 @@ mod tests {
         assert!(overlaps.new_pairs(&objects).is_empty());
         let moved = [(a, at(0.0), &hull), (b, at(1.5), &hull), (c, at(3.0), &hull)];
         assert_eq!(overlaps.new_pairs(&moved), [[b, c]]);
+    }
+
+    #[test]
+    fn a_warning_names_both_once() {
+        let hull = Hull(cube(Vec3::ZERO, 1.0));
+        let mut world = World::new();
+        let [room, lamp] = ["room", "lamp"].map(|name| world.spawn(Name::new(name)).id());
+        let name = |entity| world.get::<Name>(entity).map_or_else(String::new, |name| name.to_string());
+        let mut overlaps = Overlaps::default();
+        let mut told = |x: f32| {
+            let at = Affine3A::from_translation(Vec3::X * x);
+            overlaps.new_warnings(&[(room, Affine3A::IDENTITY, &hull), (lamp, at, &hull)], name)
+        };
+        assert!(told(5.0).is_empty(), "they are apart");
+        let [warning] = &told(1.0)[..] else { panic!("it is told") };
+        assert!(warning.contains("room and lamp overlap"), "{warning}");
+        assert!(told(1.5).is_empty() && told(5.0).is_empty() && told(1.0).is_empty(), "it is told again");
     }
 }

@@ -53,12 +53,15 @@
 //! Nodes of the cuts times receivers: pixels, and texels for each bounce but one. A cut has at least as many nodes as
 //! the receiver's light has steps of [`CssmSettings::error`], and at least one. With several objects a node of the cut
 //! costs a second query, and one for each further object whose sphere is in the way. Glossy light refines what is mirrored.
+//! A query reads at most ten words on average: the slot of its texel's cube map, one of the directory, the rest of the block. What else the
+//! texel's record holds is not counted, for a node of the cut needs that in any case.
 //! Memory is that of the files and a hundred bytes a texel.
 //!
 //! # What counts
 //!
 //! Up to [`MOST_OBJECTS`] objects, rigid: turned, moved, scaled evenly. Their colours are those of their bakes, their emission and what they
-//! reflect at their surface are those of their materials now. What is not baked receives light and neither blocks nor reflects it. A light or another object within an
+//! reflect at their surface are those of their materials now. What is not baked receives light and neither blocks nor reflects it. Lamps shine
+//! evenly into their cones: Bevy's textures of lights are not looked at. A light or another object within an
 //! object's box that has only one surface of it on a line with a texel, or stands between two of them, may be seen through the
 //! first: the cube maps know where surfaces are, not what stands between them.
 //!
@@ -74,6 +77,7 @@
 //! Glossy light is that of the lit texels; in a single frame it is as sharp as those are fine. What is metal or polished lights others, and is mirrored, by its base
 //! colour and by what it reflects at its surface before that, as if it were matt.
 
+mod counters;
 mod display;
 mod hull;
 mod object;
@@ -101,6 +105,7 @@ use crate::recovery::{forget_components, forget_resource};
 use crate::view::prepare_view_textures;
 
 pub use bevy_bounce_shaders::types::CSSM_OBJECTS as MOST_OBJECTS;
+pub use counters::texel_cuts;
 pub(crate) use passes::Pixels;
 pub(crate) use pipelines::{bind_maps, maps_layout, pixel_kernel};
 pub(crate) use pixels::PixelLight;

@@ -12,6 +12,7 @@ use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::renderer::RenderDevice;
 use bevy::render::sync_world::RenderEntity;
+use bevy::render::view::ColorGrading;
 use bevy_bounce_cssm::{CssmAsset, CssmFile};
 use bevy_bounce_shaders::types::{CSSM_OBJECTS, CssmGather};
 
@@ -92,6 +93,7 @@ type Cameras<'w, 's> = Query<
         &'static GlobalIllumination,
         Option<&'static GiBudget>,
         Option<&'static Exposure>,
+        Option<&'static ColorGrading>,
         Option<&'static Tonemapping>,
     ),
 >;
@@ -108,14 +110,15 @@ pub(super) fn extract_cameras(
     extracted.spread = true;
     extracted.at_texels = false;
     let mut first = None;
-    for (entity, render_entity, camera, gi, budget, exposure, tonemapping) in &cameras {
+    for (entity, render_entity, camera, gi, budget, exposure, grading, tonemapping) in &cameras {
         let settings = gi.settings();
         let is_lit_by_points = camera.is_active && gi.technique == Technique::InstantRadiosity;
         extracted.are_eyes |= is_lit_by_points && settings.visibility == VplVisibility::Baked;
         if !camera.is_active || gi.technique != Technique::SurfaceRadiosity {
             continue;
         }
-        let exposure = exposure.copied().unwrap_or_default().exposure();
+        let stops = grading.map_or(0.0, |grading| grading.global.exposure);
+        let exposure = exposure.copied().unwrap_or_default().exposure() * stops.exp2();
         let tonemapping = tonemapping.copied().unwrap_or(Tonemapping::None);
         let of_pixels = displays.gather(&gi.given(budget), exposure, tonemapping);
         commands.entity(render_entity).insert(CssmView(of_pixels));
@@ -204,11 +207,8 @@ pub(super) fn extract_objects(
         .iter()
         .filter_map(|object| Some((object.entity, object.place, &prepared.0.get(&object.asset)?.hull)))
         .collect();
-    for pair in extracted.overlaps.new_pairs(&hulls) {
-        let [a, b] = pair.map(|entity| objects.name(entity));
-        warn!(
-            "the hulls of the baked objects {a} and {b} overlap: what one hides within the other from third ones is not known"
-        );
+    for warning in extracted.overlaps.new_warnings(&hulls, |entity| objects.name(entity)) {
+        warn!("{warning}");
     }
     if let Some(fresh) = fresh {
         commands.insert_resource(fresh);

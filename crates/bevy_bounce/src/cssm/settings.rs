@@ -7,7 +7,7 @@ use bevy::prelude::*;
 #[reflect(Default)]
 pub struct CssmSettings {
     /// Steps of 1/255 of the display's brightness, after exposure and tone mapping, 0.05 to 128: texels are taken together
-    /// where the light from all of them is less. Less is finer and calmer; cost is about its inverse.
+    /// where the light from all of them is less. Less is finer and calmer; cost is about its inverse. Of color grading, its exposure counts.
     #[reflect(@0.05..=128.0_f32)]
     pub error: f32,
     /// How visibility is looked up.
@@ -38,7 +38,8 @@ pub enum CssmFilter {
     /// By one pixel of a cube map.
     #[default]
     Nearest,
-    /// Percentage-closer filtering of four: softer edges at up to four times the cost.
+    /// Percentage-closer filtering of four: softer edges at up to four times the cost. Of cube maps alone: maps from outside, which hold the
+    /// shadows of suns and of other objects, are looked up as ever.
     Pixels,
 }
 

@@ -1,10 +1,16 @@
 //! Pictures of what is between the bakes and their light.
 
+use bevy::asset::RenderAssetUsages;
 use bevy::camera::Exposure;
+use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::image::Image;
 use bevy::prelude::*;
+use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat};
+use bevy::render::view::{ColorGrading, ColorGradingGlobal};
+use bevy_bounce::cssm::texel_cuts;
 use bevy_bounce::cssm::tree::Tree;
-use bevy_bounce::{CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, Technique};
-use bevy_bounce_cssm::CssmFile;
+use bevy_bounce::{CssmReceivers, CssmSettings, GiIsolate, GiSettings, GlobalIllumination, Quality, Technique};
+use bevy_bounce_cssm::{CssmFile, Texel};
 use bevy_bounce_tests::baked::cornell_box;
 use bevy_bounce_tests::picture::Picture;
 use bevy_bounce_tests::stage::{SMALL, Stage, illumination, run};
@@ -15,7 +21,12 @@ const ALBEDO: f32 = 0.5;
 const EMITTED: f32 = 1000.0;
 
 fn radiosity(error: f32) -> GlobalIllumination {
-    let settings = GiSettings { bounces: 1, cssm: CssmSettings { error, ..CssmSettings::DEFAULT }, ..SMALL };
+    received(CssmReceivers::Pixels, error)
+}
+
+fn received(receivers: CssmReceivers, error: f32) -> GlobalIllumination {
+    let cssm = CssmSettings { error, receivers, ..CssmSettings::DEFAULT };
+    let settings = GiSettings { bounces: 1, cssm, ..SMALL };
     GlobalIllumination { technique: Technique::SurfaceRadiosity, quality: Quality::Custom(settings), ..default() }
 }
 
@@ -30,7 +41,7 @@ fn glow(stage: &mut Stage, emitted: f32) {
 }
 
 /// The picture as it is in the target, before exposure is taken out again.
-pub(super) fn shown(stage: &mut Stage, isolate: GiIsolate) -> Picture {
+fn shown(stage: &mut Stage, isolate: GiIsolate) -> Picture {
     let camera = stage.only::<Camera3d>();
     stage.world().entity_mut(camera).insert(isolate);
     let exposure = stage.world().get::<Exposure>(camera).copied().unwrap_or_default().exposure();
@@ -38,9 +49,15 @@ pub(super) fn shown(stage: &mut Stage, isolate: GiIsolate) -> Picture {
 }
 
 /// The count whose colour that is.
-pub(super) fn count_of([red, green, blue]: [f32; 3]) -> f32 {
+fn count_of([red, green, blue]: [f32; 3]) -> f32 {
     let at = if red > 0.0 { 3.0 + red - green } else { 1.0 + green - blue };
     if red + green + blue == 0.0 { 0.0 } else { 8.0_f32.powf(at) }
+}
+
+/// Nodes of a pixel's cut, in the mean.
+pub(super) fn nodes_of_pixels(stage: &mut Stage) -> f64 {
+    let cuts = shown(stage, GiIsolate::CutSize);
+    cuts.pixels.iter().map(|pixel| f64::from(count_of(*pixel))).sum::<f64>() / cuts.pixels.len() as f64
 }
 
 /// Where all texels send more than the error, each pixel gathers from every one of them; where they send nothing, from none.
@@ -60,6 +77,47 @@ fn cuts_are_counted() {
     assert!(least > 0.9 && most < 0.7 * texels);
     glow(&mut stage, 0.0);
     assert_eq!(shown(&mut stage, GiIsolate::CutSize).mean_luminance(), 0.0);
+}
+
+/// The same of texels. With a single bounce, none is between them.
+#[test]
+fn cuts_of_texels_are_counted() {
+    let (mut stage, file) = glowing_box(16);
+    let texels = file.meta.texels as usize;
+    stage.light_by(received(CssmReceivers::Texels, 0.05));
+    stage.settled_picture();
+    let [sent, shown] = texel_cuts(stage.render_world()).expect("texels are lit");
+    assert!(sent == vec![0.0; texels] && shown.len() == texels);
+    let wrong = shown.iter().find(|&&count| count == 0.0 || count > texels as f32);
+    assert_eq!(wrong, None, "of {texels} texels");
+    glow(&mut stage, 0.0);
+    stage.settled_picture();
+    assert_eq!(texel_cuts(stage.render_world()), Some([vec![0.0; texels], vec![0.0; texels]]));
+}
+
+/// Half the exposure asks for as fine cuts of twice the light, whether the lens halves it or the grading; and where the display darkens what is
+/// dark, light is taken together sooner.
+#[test]
+fn cuts_are_as_fine_as_the_display_shows() {
+    const LIGHT: f32 = 2.0;
+    let (mut stage, _) = glowing_box(24);
+    stage.light_by(radiosity(16.0));
+    let camera = stage.only::<Camera3d>();
+    let mut nodes = |light: f32, ev100: f32, stops: f32, tonemapping: Tonemapping| {
+        glow(&mut stage, light);
+        let global = ColorGradingGlobal { exposure: stops, ..default() };
+        let display = (Exposure { ev100 }, ColorGrading { global, ..default() }, tonemapping);
+        stage.world().entity_mut(camera).insert(display);
+        nodes_of_pixels(&mut stage)
+    };
+    let first = nodes(LIGHT, 4.0, 0.0, Tonemapping::None);
+    let darker = nodes(LIGHT, 5.0, 0.0, Tonemapping::None);
+    let graded = nodes(LIGHT, 4.0, -1.0, Tonemapping::None);
+    let brighter = nodes(2.0 * LIGHT, 5.0, 0.0, Tonemapping::None);
+    let neutral = nodes(LIGHT, 4.0, 0.0, Tonemapping::KhronosPbrNeutral);
+    println!("{first:.1} nodes; darker {darker:.1}, graded {graded:.1}, brighter {brighter:.1}, neutral {neutral:.1}");
+    assert!(darker < 0.9 * first && neutral < 0.9 * first);
+    assert!((graded / darker - 1.0).abs() < 0.01 && (brighter / first - 1.0).abs() < 0.01);
 }
 
 /// Where the camera's ray through a pixel leaves the box.
@@ -115,23 +173,64 @@ fn levels_lie_on_their_texels() {
     assert!(right * 100 > picture.pixels.len() * 97, "{right} of {} pixels", picture.pixels.len());
 }
 
+/// Each texel stands in its cell with what it sends, so many times as large or one of so many; those of which that is not known are passed over.
+fn assert_atlas(stage: &mut Stage, file: &CssmFile, larger: usize, every: usize, sent: impl Fn(Texel) -> Option<f32>) {
+    let camera = stage.only::<Camera3d>();
+    let exposure = stage.world().get::<Exposure>(camera).copied().unwrap_or_default().exposure();
+    let picture = shown(stage, GiIsolate::BakedAtlas);
+    let [width, height] = file.meta.atlas.map(|cells| cells as usize);
+    for (pixel, found) in picture.pixels.iter().enumerate() {
+        let [column, row] = [pixel % picture.width, pixel / picture.width].map(|at| at / larger * every);
+        let inside = column < width && row < height;
+        let texel =
+            inside.then(|| file.texel_at([column as u32, row as u32])).flatten().and_then(|index| file.texel(index));
+        let Some(sent) = texel.map_or(Some(0.0), &sent) else { continue };
+        let expected = sent * exposure;
+        assert!((found[1] - expected).abs() <= 2.0e-3 * expected, "{pixel}: {found:?}, not {expected}");
+    }
+}
+
 /// Texels stand in their cells with their light, enlarged or every other one.
 #[test]
 fn atlases_are_shown_lit() {
     for (atlas, larger, every) in [(16, 2, 1), (64, 1, 2)] {
         let (mut stage, file) = glowing_box(atlas);
-        let camera = stage.only::<Camera3d>();
-        let exposure = stage.world().get::<Exposure>(camera).copied().unwrap_or_default().exposure();
-        let picture = shown(&mut stage, GiIsolate::BakedAtlas);
-        let [width, height] = file.meta.atlas.map(|cells| cells as usize);
-        for (pixel, found) in picture.pixels.iter().enumerate() {
-            let [column, row] = [pixel % picture.width, pixel / picture.width].map(|at| at / larger * every);
-            let inside = column < width && row < height;
-            let texel = inside.then(|| file.texel_at([column as u32, row as u32])).flatten();
-            let expected = if texel.is_some() { EMITTED * exposure } else { 0.0 };
-            assert!((found[1] - expected).abs() <= 2.0e-3 * expected, "{atlas}, {pixel}: {found:?}, not {expected}");
-        }
+        assert_atlas(&mut stage, &file, larger, every, |_| Some(EMITTED));
     }
+}
+
+/// Has only the half towards positive x emit, by a texture.
+fn glow_by_halves(stage: &mut Stage) {
+    let world = stage.world();
+    let size = Extent3d { width: 2, height: 1, depth_or_array_layers: 1 };
+    let halves = vec![0, 0, 0, 255, 255, 255, 255, 255];
+    let format = TextureFormat::Rgba8UnormSrgb;
+    let halves = Image::new(size, TextureDimension::D2, halves, format, RenderAssetUsages::default());
+    let halves = world.resource_mut::<Assets<Image>>().add(halves);
+    for (_, mesh) in world.resource_mut::<Assets<Mesh>>().iter_mut() {
+        let positions = mesh.attribute(Mesh::ATTRIBUTE_POSITION).and_then(|values| values.as_float3());
+        let across = |[x, ..]: &[f32; 3]| [x / 4.0 + 0.5, 0.5];
+        let uvs: Vec<[f32; 2]> = positions.unwrap_or_default().iter().map(across).collect();
+        mesh.insert_attribute(Mesh::ATTRIBUTE_UV_0, uvs);
+    }
+    let mut materials = world.resource_mut::<Assets<StandardMaterial>>();
+    materials.iter_mut().for_each(|(_, material)| material.emissive_texture = Some(halves.clone()));
+}
+
+/// Texels emit what a texture says, and light the rest by it.
+#[test]
+fn what_a_texture_emits_bounces() {
+    let (mut stage, file) = glowing_box(16);
+    stage.light_by(radiosity(1.0));
+    let whole = shown(&mut stage, GiIsolate::Indirect).mean_luminance();
+    glow_by_halves(&mut stage);
+    let half = shown(&mut stage, GiIsolate::Indirect).mean_luminance();
+    println!("{:.3} of the light", half / whole);
+    assert!((0.3..0.7).contains(&(half / whole)), "{half} of {whole}");
+    assert_atlas(&mut stage, &file, 2, 1, |texel| {
+        let x = texel.position[0];
+        (x.abs() > 0.25).then_some(if x > 0.0 { EMITTED } else { 0.0 })
+    });
 }
 
 /// They differ from each other and from the light; without bakes, and without the technique, there is nothing.
