@@ -18,7 +18,7 @@ usage: cargo xtask bench [OPTIONS]
 
   --scene NAME|FILE     `cornell`, `sponza`, another of the shared scenes, or a glTF file; repeatable
   --size WxH            repeatable; 320x180 and 640x360
-  --vpls N              virtual lights; repeatable; 256, 1024 and 4096
+  --vpls N              virtual lights; repeatable; 256, 1024, 4096 and 16384
   --visibility V        none, voxel, ism or atlas; repeatable; all
   --frames N            frames a run; 30
   --part P              frames, ssbc, memory or growth; repeatable; all
@@ -84,7 +84,7 @@ impl Options {
         Ok(Some(Self {
             scenes: or(scenes, all_scenes, &["cornell"]),
             sizes: or(sizes, &["320x180", "640x360"], &["320x180"]),
-            vpls: or(vpls, &["256", "1024", "4096"], &["256"]).iter().map(number).collect::<Result<_>>()?,
+            vpls: or(vpls, &["256", "1024", "4096", "16384"], &["256"]).iter().map(number).collect::<Result<_>>()?,
             visibilities: or(visibilities, &["none", "voxel", "ism", "atlas"], &["none", "atlas"]),
             frames: frames.as_ref().map_or(Ok(if quick { 5 } else { 30 }), number)?,
             parts: or(parts, &PARTS, &PARTS),
@@ -263,7 +263,7 @@ mod tests {
         let options = parse(&[], true)?.ok_or("usage")?;
         assert_eq!(options.scenes, ["cornell", "sponza"]);
         assert_eq!(options.sizes, ["320x180", "640x360"]);
-        assert_eq!(options.vpls, [256, 1024, 4096]);
+        assert_eq!(options.vpls, [256, 1024, 4096, 16384]);
         assert_eq!(options.visibilities, ["none", "voxel", "ism", "atlas"]);
         assert!(!options.dev && parse(&["--dev"], true)?.is_some_and(|options| options.dev));
         assert_eq!(options.growth.last(), Some(&1_000_000));

@@ -16,11 +16,12 @@ const DEVICE_TESTS: [&str; 5] = ["suite", "baked", "caches", "frames", "settings
 
 /// Tests that run once, by parts of their names: those that no device takes part in, and those of many pictures that have others beside
 /// them in which the same passes run with both limits. That both light a scene alike is a test by itself.
-const ONCE: [&str; 21] = [
+const ONCE: [&str; 24] = [
     "guides::",
     "lightmap::",
     "metrics::",
     "agreement::",
+    "boxes_equal_their",
     "calm::",
     "compose::",
     "coverage::",
@@ -29,9 +30,11 @@ const ONCE: [&str; 21] = [
     "cssm::moving",
     "cssm::references",
     "cuts::",
+    "every_setting",
     "history::frames",
     "nested::a_drive",
     "panel::",
+    "radiance_cache::references",
     "recovery::",
     "soak::",
     "ssbc::corners",

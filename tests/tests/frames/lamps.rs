@@ -1,41 +1,118 @@
 //! Each kind of lamp in a closed room, against the closed form of what bounces there: of a flux that falls onto walls of albedo a,
-//! their irradiance by bounced light has a / (1 - a) in all.
+//! their irradiance by bounced light has a / (1 - a) in all; and against a fresh start, once it was switched off and on.
 
 use std::f32::consts::PI;
 use std::time::Duration;
 
-use bevy::camera::ScalingMode;
+use bevy::camera::{Exposure, ScalingMode};
 use bevy::light::RectLight;
 use bevy::prelude::*;
 use bevy_bounce::{GiSettings, GlobalIllumination, Quality, Technique};
 use bevy_bounce_examples::scenes::{Builder, Walls};
+use bevy_bounce_tests::picture::Picture;
 use bevy_bounce_tests::stage::Stage;
 
 const ROOM: Vec3 = Vec3::new(4.0, 3.0, 3.5);
 const ALBEDO: f32 = 0.5;
 const PIXELS: UVec2 = UVec2::new(32, 32);
+/// Of each lamp but the spot, which has the part of them in its cone, and the sun.
+const LUMENS: f32 = 1000.0;
+/// Between the spot's axis and its sharp edge, radians.
+const CONE: f32 = 0.7;
+/// Illuminance by the sun, lux.
+const SUN: f32 = 100.0;
+/// Of panels, metres.
+const PANEL: Vec2 = Vec2::new(0.8, 0.5);
+/// Without an end of their reach, which Bevy's closed form is; metres.
+const RANGE: f32 = 1e4;
 
 #[derive(Component)]
 struct Lamp;
 
-/// The room, from 0 to [`ROOM`], with a camera and an entity for a lamp.
-fn stage() -> Stage {
+#[derive(Clone, Copy, Debug)]
+enum Kind {
+    Point,
+    Spot,
+    Sun,
+    Rect,
+    Emission,
+}
+
+impl Kind {
+    fn place(self) -> Transform {
+        let at = Transform::from_xyz(1.5, 2.4, 1.6);
+        let down = Vec3::new(0.2, -1.0, 0.1);
+        match self {
+            Kind::Point => at,
+            Kind::Sun => at.looking_to(Vec3::NEG_Y, Vec3::Z),
+            Kind::Spot | Kind::Rect => at.looking_to(down, Vec3::Z),
+            // A mesh that faces its +z.
+            Kind::Emission => at.looking_to(-down, Vec3::Z),
+        }
+    }
+
+    /// Flux of what bounces of it onto the walls, lumens.
+    fn bounced(self) -> f32 {
+        let reflected = ALBEDO / (1.0 - ALBEDO);
+        match self {
+            Kind::Point | Kind::Rect => LUMENS * reflected,
+            // As Bevy has it.
+            Kind::Spot => LUMENS * 0.5 * (1.0 - CONE.cos()) * reflected,
+            // Through the back of the ceiling, which lets light pass as in Bevy's shadow maps.
+            Kind::Sun => SUN * ROOM.x * ROOM.z * reflected,
+            // Bevy does not light by emission: what falls onto the walls at first is bounced light, too.
+            Kind::Emission => LUMENS * (1.0 + reflected),
+        }
+    }
+
+    fn put(self, lamp: &mut EntityWorldMut) {
+        let (intensity, range, angle) = (LUMENS, RANGE, CONE);
+        match self {
+            Kind::Point => lamp.insert(PointLight { intensity, range, ..default() }),
+            Kind::Spot => {
+                lamp.insert(SpotLight { intensity, range, inner_angle: angle, outer_angle: angle, ..default() })
+            }
+            Kind::Sun => lamp.insert(DirectionalLight { illuminance: SUN, ..default() }),
+            Kind::Rect => lamp.insert(RectLight { intensity, range, width: PANEL.x, height: PANEL.y, ..default() }),
+            Kind::Emission => {
+                let radiance = LUMENS / (PI * PANEL.element_product());
+                let emission = radiance * Exposure::default().exposure();
+                let paint = StandardMaterial {
+                    base_color: Color::linear_rgb(ALBEDO, ALBEDO, ALBEDO),
+                    emissive: LinearRgba::rgb(emission, emission, emission),
+                    ..default()
+                };
+                let mesh = lamp.resource_mut::<Assets<Mesh>>().add(Rectangle::from_size(PANEL));
+                let paint = lamp.resource_mut::<Assets<StandardMaterial>>().add(paint);
+                lamp.insert((Mesh3d(mesh), MeshMaterial3d(paint)))
+            }
+        };
+    }
+}
+
+/// Another lamp, in the place of the one before.
+fn replace_lamp(world: &mut World, kind: Option<Kind>) {
+    let mut lamps = world.query_filtered::<Entity, With<Lamp>>();
+    let lamps: Vec<Entity> = lamps.iter(world).collect();
+    lamps.into_iter().for_each(|lamp| _ = world.despawn(lamp));
+    if let Some(kind) = kind {
+        kind.put(&mut world.spawn((Lamp, kind.place(), Visibility::default())));
+    }
+}
+
+fn room(mut build: Builder) {
+    let paint = build.paint([ALBEDO; 3]);
+    let [floor, ceiling, back, front, left, right] = std::array::from_fn(|_| paint.clone());
+    build.room(Vec3::ZERO, ROOM, &Walls { floor, ceiling, back, front, left, right });
+    build.commands.spawn((Camera3d::default(), orthographic(1.0, 1.0)));
+}
+
+/// The room, from 0 to [`ROOM`], with a camera and a lamp.
+fn stage(kind: Option<Kind>) -> Stage {
     let settings = GiSettings { history: 0, probes: 0, ..Quality::Medium.settings() };
     Stage::new(PIXELS, settings, |app| {
-        app.add_systems(Startup, |mut build: Builder| {
-            let paint = build.paint([ALBEDO; 3]);
-            let paints = Walls {
-                floor: paint.clone(),
-                ceiling: paint.clone(),
-                back: paint.clone(),
-                front: paint.clone(),
-                left: paint.clone(),
-                right: paint,
-            };
-            build.room(Vec3::ZERO, ROOM, &paints);
-            build.commands.spawn((Lamp, Transform::default(), Visibility::default()));
-            build.commands.spawn((Camera3d::default(), orthographic(1.0, 1.0)));
-        });
+        let lamp = move |world: &mut World| replace_lamp(world, kind);
+        app.add_systems(Startup, (room, lamp).chain());
     })
 }
 
@@ -44,93 +121,68 @@ fn orthographic(width: f32, height: f32) -> Projection {
     Projection::from(OrthographicProjection { scaling_mode, near: 0.0, ..OrthographicProjection::default_3d() })
 }
 
-/// Flux of bounced light onto all six walls, lumens: each is looked at from the one across.
-fn bounced(stage: &mut Stage) -> f32 {
+/// A wall as it is seen from the one across, and its area in square metres.
+fn wall(stage: &mut Stage, way: Vec3) -> (Picture, f32) {
     let camera = stage.only::<Camera3d>();
-    let mut flux = 0.0;
-    for way in [Vec3::X, Vec3::Y, Vec3::Z].into_iter().flat_map(|axis| [axis, -axis]) {
-        let up = if way.y == 0.0 { Vec3::Y } else { Vec3::Z };
-        let right = way.cross(up).abs();
-        let (width, height) = (right.dot(ROOM), up.abs().dot(ROOM));
-        let eye = ROOM * 0.5 - way * (0.5 * way.abs().dot(ROOM));
-        let place = Transform::from_translation(eye).looking_to(way, up);
-        stage.world().entity_mut(camera).insert((place, orthographic(width, height)));
-        let radiance = stage.picture().mean_luminance() as f32;
-        flux += radiance * PI / ALBEDO * width * height;
-    }
-    flux
+    let up = if way.y == 0.0 { Vec3::Y } else { Vec3::Z };
+    let right = way.cross(up).abs();
+    let (width, height) = (right.dot(ROOM), up.abs().dot(ROOM));
+    let eye = ROOM * 0.5 - way * (0.5 * way.abs().dot(ROOM));
+    let place = Transform::from_translation(eye).looking_to(way, up);
+    stage.world().entity_mut(camera).insert((place, orthographic(width, height)));
+    (stage.picture(), width * height)
 }
 
-/// What bounces of lamps that send so many lumens.
-fn expected(lumens: f32) -> f32 {
-    lumens * ALBEDO / (1.0 - ALBEDO)
+/// Flux of bounced light onto all six walls, lumens.
+fn bounced(stage: &mut Stage) -> f32 {
+    let ways = [Vec3::X, Vec3::Y, Vec3::Z].into_iter().flat_map(|axis| [axis, -axis]);
+    let flux = |way| {
+        let (picture, area) = wall(stage, way);
+        picture.mean_luminance() as f32 * PI / ALBEDO * area
+    };
+    ways.map(flux).sum()
 }
 
-fn check(stage: &mut Stage, name: &str, lumens: f32) {
-    let share = bounced(stage) / expected(lumens);
+fn check(stage: &mut Stage, name: &str, expected: f32) {
+    let share = bounced(stage) / expected;
     println!("{name}: {share:.3} of what bounces");
     assert!((share - 1.0).abs() < 0.05, "{name}: {share} of what bounces");
 }
 
 /// Puts a lamp there, moves it, switches it off and on.
-fn try_lamp(stage: &mut Stage, name: &str, lamp: impl Bundle + Clone, place: Transform, lumens: f32) {
-    let entity = stage.only::<Lamp>();
-    stage.world().entity_mut(entity).insert((lamp, place));
+fn try_lamp(stage: &mut Stage, kind: Kind) {
+    replace_lamp(stage.world(), Some(kind));
     // What it needs is compiled in the first frames.
     stage.frame(Duration::ZERO);
     stage.frame(Duration::ZERO);
-    check(stage, name, lumens);
-    let first = stage.picture();
-    stage.world().entity_mut(entity).insert(place.with_translation(place.translation + Vec3::new(0.4, -0.3, 0.2)));
-    check(stage, &format!("{name}, moved"), lumens);
-    stage.world().entity_mut(entity).insert((place, Visibility::Hidden));
-    assert_eq!(stage.picture().mean_luminance(), 0.0, "{name}: switched off, it bounces on");
-    stage.world().entity_mut(entity).insert(Visibility::Inherited);
-    assert!(stage.picture() == first, "{name}: back, it bounces otherwise");
+    check(stage, &format!("{kind:?}"), kind.bounced());
+    let (lamp, place) = (stage.only::<Lamp>(), kind.place());
+    stage.world().entity_mut(lamp).insert(place.with_translation(place.translation + Vec3::new(0.4, -0.3, 0.2)));
+    check(stage, &format!("{kind:?}, moved"), kind.bounced());
+    stage.world().entity_mut(lamp).insert((place, Visibility::Hidden));
+    assert_eq!(stage.picture().mean_luminance(), 0.0, "{kind:?}: switched off, it bounces on");
+    stage.world().entity_mut(lamp).insert(Visibility::Inherited);
+    let (back, _) = wall(stage, Vec3::NEG_Z);
+    let (fresh, _) = wall(&mut self::stage(Some(kind)), Vec3::NEG_Z);
+    assert!(
+        fresh.mean_luminance() > 0.0 && back == fresh,
+        "{kind:?}: back, it bounces otherwise than at a fresh start"
+    );
 }
 
 #[test]
 fn every_lamp_sends_all_of_its_light() {
-    let mut stage = stage();
-    let at = Transform::from_xyz(1.5, 2.4, 1.6);
-    let down = at.looking_to(Vec3::new(0.2, -1.0, 0.1), Vec3::Z);
-    let lumens = 1000.0;
-    let take = |stage: &mut Stage, remove: fn(&mut EntityWorldMut)| {
-        let lamp = stage.only::<Lamp>();
-        remove(&mut stage.world().entity_mut(lamp));
-    };
-
-    // Without an end of their reach, which Bevy's closed form is.
-    let point = PointLight { intensity: lumens, range: 1e4, ..default() };
-    try_lamp(&mut stage, "point", point, at, lumens);
-    take(&mut stage, |lamp| {
-        lamp.remove::<PointLight>();
-    });
-
-    // Of a cone with a sharp edge, its part of the sphere's lumens, as Bevy has it.
-    let angle = 0.7_f32;
-    let spot = SpotLight { intensity: lumens, range: 1e4, inner_angle: angle, outer_angle: angle, ..default() };
-    try_lamp(&mut stage, "spot", spot, down, lumens * 0.5 * (1.0 - angle.cos()));
-    take(&mut stage, |lamp| {
-        lamp.remove::<SpotLight>();
-    });
-
-    // Through the back of the ceiling, which lets light pass as in Bevy's shadow maps.
-    let sun = DirectionalLight { illuminance: 100.0, ..default() };
-    try_lamp(&mut stage, "sun", sun, at.looking_to(Vec3::NEG_Y, Vec3::Z), 100.0 * ROOM.x * ROOM.z);
-    take(&mut stage, |lamp| {
-        lamp.remove::<DirectionalLight>();
-    });
-
-    let panel = RectLight { intensity: lumens, range: 1e4, width: 0.8, height: 0.5, ..default() };
-    try_lamp(&mut stage, "panel", panel, down, lumens);
+    let mut stage = stage(None);
+    for kind in [Kind::Point, Kind::Spot, Kind::Sun, Kind::Emission, Kind::Rect] {
+        try_lamp(&mut stage, kind);
+    }
 
     // The light of voxels that a panel lights, which is what caches show.
     let quality = Quality::Custom(Quality::Medium.settings());
     stage.light_by(GlobalIllumination { technique: Technique::RadianceCache, quality, ..default() });
     stage.frame(Duration::ZERO);
     stage.frame(Duration::ZERO);
-    let share = bounced(&mut stage) / expected(lumens);
-    println!("panel, by caches: {share:.3} of what bounces");
+    let share = bounced(&mut stage) / Kind::Rect.bounced();
+    println!("Rect, by caches: {share:.3} of what bounces");
     assert!((share - 1.0).abs() < 0.15, "by caches, {share} of what bounces");
 }

@@ -5,5 +5,6 @@ mod lamps;
 mod panel;
 mod pictures;
 mod recovery;
+mod references;
 mod soak;
 mod views;

@@ -254,10 +254,11 @@ fn bad_input_gives_a_sane_picture() {
     assert!(good == stage.settled_picture(), "what is gone left something behind");
 }
 
-/// Two rooms that share a wall of 10 cm in a scene of 8 m: light in one, none in the other.
-#[test]
-fn a_sealed_room_stays_dark() {
-    let mut stage = Stage::new(SIZE, GiSettings { grid: 64, vpls: 1024, ..SMALL }, |app| {
+/// Two rooms that share a wall of 10 cm in a scene of 8 m, light in one and none in the other: percents of the light that are in
+/// the dark one, by what lights see.
+fn leaks<const N: usize>(visibilities: [VplVisibility; N]) -> [f64; N] {
+    let fine = GiSettings { grid: 64, vpls: 1024, ..SMALL };
+    let mut stage = Stage::new(SIZE, fine, |app| {
         app.add_systems(Startup, |mut build: Builder| {
             let white = build.paint([0.7; 3]);
             let walls = Walls {
@@ -277,13 +278,31 @@ fn a_sealed_room_stays_dark() {
             build.commands.spawn((Camera3d::default(), Exposure { ev100: 6.0 }, look(-1.0)));
         });
     });
-    let bright = stage.picture();
     let camera = stage.only::<Camera3d>();
-    stage.world().entity_mut(camera).insert(look(1.0));
-    let dark = stage.picture();
-    let share = dark.mean_luminance() / bright.mean_luminance();
-    assert!(bright.mean_luminance() > 1.0, "the bright room is lit: {}", bright.mean_luminance());
-    assert!(share < 0.01, "{:.2} % of the light is in the dark room", 100.0 * share);
+    visibilities.map(|visibility| {
+        stage.light_by(illumination(GiSettings { visibility, ..fine }));
+        let [bright, dark] = [-1.0, 1.0].map(|side| {
+            stage.world().entity_mut(camera).insert(look(side));
+            stage.settled_picture().mean_luminance()
+        });
+        assert!(bright > 1.0, "the bright room is lit: {bright}");
+        let percent = 100.0 * dark / bright;
+        println!("{visibility:?}: {percent:.4} % of the light is in the dark room");
+        percent
+    })
+}
+
+#[test]
+fn a_sealed_room_stays_dark() {
+    let [atlas, voxel] = leaks([VplVisibility::Atlas, VplVisibility::Voxel]);
+    assert!(atlas < 0.5 && voxel < 1.0, "{atlas:.2} % of the light is in the dark room, by voxels {voxel:.2} %");
+}
+
+#[test]
+#[ignore = "2.5 % of the light are in the dark room"]
+fn a_sealed_room_stays_dark_by_maps_of_points() {
+    let [ism] = leaks([VplVisibility::Ism]);
+    assert!(ism < 0.5, "{ism:.2} % of the light is in the dark room");
 }
 
 /// From the far end of one room towards the wall that it shares.
@@ -390,7 +409,6 @@ fn light_comes_and_goes_with_doors() {
     assert!(after(DoorsPlugin::CYCLE - DoorsPlugin::SHUT) == open, "doors that open again let other light in");
 }
 
-/// A skinned animal: its bounced light depends on the time alone, however that was reached.
 /// Bevy would draw masked surfaces once more, over their bounced light.
 #[test]
 fn a_masked_surface_that_is_whole_looks_like_an_opaque_one() {
@@ -409,6 +427,7 @@ fn a_masked_surface_that_is_whole_looks_like_an_opaque_one() {
     assert!(opaque == stage.settled_picture(), "a mask left something behind");
 }
 
+/// A skinned animal: its bounced light depends on the time alone, however that was reached.
 #[test]
 fn a_skinned_mesh_has_no_lag() {
     let stage = || {

@@ -2,10 +2,11 @@
 
 use std::time::Duration;
 
-use bevy::camera::{Exposure, RenderTarget, ScalingMode, SubCameraView, Viewport};
+use bevy::camera::{Exposure, MainPassResolutionOverride, RenderTarget, ScalingMode, SubCameraView, Viewport};
 use bevy::core_pipeline::prepass::DeferredPrepass;
 use bevy::ecs::system::RunSystemOnce;
 use bevy::prelude::*;
+use bevy::render::sync_world::RenderEntity;
 use bevy_bounce::{GiIsolate, GiSettings, GlobalIllumination, Resolution, Technique};
 use bevy_bounce_examples::scenes::{Builder, CornellPlugin};
 use bevy_bounce_tests::eye::Eye;
@@ -195,6 +196,32 @@ fn a_part_of_a_view_is_a_part_of_its_picture() {
     let metrics = Metrics::new(&inner(&sub, UVec2::ZERO), &inner(&whole, from)).expect("sizes are equal");
     println!("{metrics:?}");
     assert!((metrics.energy - 1.0).abs() < 1e-3 && metrics.nrmse < 1e-3, "{metrics:?}");
+}
+
+/// A main pass of half the size, as upscalers ask for it: in its corner of the target is what a camera of that size sees.
+#[test]
+fn a_smaller_main_pass_shows_a_smaller_picture() {
+    let mut stage = cornell();
+    let half = SIZE / 2;
+    let fine = illumination(GiSettings { history: 0, ..default() });
+    let cached = GlobalIllumination { technique: Technique::RadianceCache, ..fine.clone() };
+    for light in [fine, cached] {
+        let light = || (light.clone(), GiIsolate::Indirect, front());
+        let alone = seen(&mut stage, half, light());
+        let eye = Eye::open(&mut stage, SIZE, EXPOSURE, light());
+        settle(&mut stage);
+        let whole = eye.picture(&stage);
+        let rendered = stage.world().get::<RenderEntity>(eye.camera).expect("is rendered").id();
+        stage.render_world_mut().entity_mut(rendered).insert(MainPassResolutionOverride(half));
+        settle(&mut stage);
+        let metrics = Metrics::new(&part(&eye.picture(&stage), UVec2::ZERO, half), &alone).expect("sizes are equal");
+        println!("{metrics:?}");
+        assert!((metrics.energy - 1.0).abs() < 0.02 && metrics.nrmse < 0.02, "{metrics:?}");
+        stage.render_world_mut().entity_mut(rendered).remove::<MainPassResolutionOverride>();
+        settle(&mut stage);
+        assert!(eye.picture(&stage) == whole, "an override left something behind");
+        eye.close(&mut stage);
+    }
 }
 
 /// Opaque materials are deferred in the whole app: a camera that asks for multisampling loses that, and is lit as any other.

@@ -1,5 +1,6 @@
-//! What a camera asks for and is shown: budgets, cuts, views of intermediates.
+//! What a camera asks for and is shown: every setting, budgets, cuts, views of intermediates.
 
 mod budget;
 mod cuts;
 mod debug;
+mod effects;

@@ -14,7 +14,7 @@ use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::layout::wgsl_layouts;
 use bevy_bounce_tests::metrics::Metrics;
 use bevy_bounce_tests::picture::Picture;
-use bevy_bounce_tests::references::shared_file;
+use bevy_bounce_tests::references::shared_reference;
 use bevy_bounce_tests::scene::{run, run_with};
 use bevy_bounce_tests::stage::{self, SMALL, Stage, illumination};
 use bevy_bounce_tests::twins::ssbc::{
@@ -402,23 +402,61 @@ fn a_furnace_gets_back_what_it_lost_and_no_more() {
     assert!((compensated - 1.0).abs() < 0.06, "{compensated} of the light there can be");
 }
 
-/// Objects that touch walls and each other, against the path-traced reference.
-#[test]
-fn corners_are_nearer_to_the_reference() {
-    let Some(scene) = shared_file("scenes/corner.glb") else { return };
-    let Some(reference) = shared_file("references/corner.indirect.exr") else { return };
-    let reference = Picture::load(&reference).expect("is a picture");
+/// Objects that touch walls and each other, and what is path-traced of them.
+fn corner(settings: GiSettings) -> Option<(Stage, Picture)> {
+    let (scene, reference) = shared_reference("corner")?;
     let file = SceneFile::open(&scene).expect("is a scene");
     let camera = file.camera(Some("main")).expect("has a camera").cloned();
     let size = UVec2::new(reference.width as u32, reference.height as u32);
-    let run = stage::run(size, Some(illumination(settings(1024, SsbcSettings::OFF))));
-    let mut stage = Stage::with_assets(run, Some(file.folder()), |app| {
+    let run = stage::run(size, Some(illumination(settings)));
+    let stage = Stage::with_assets(run, Some(file.folder()), |app| {
         app.add_plugins(GltfScenePlugin { file, camera, matte: true, flip_textures: false, bake: None });
     });
+    Some((stage, reference))
+}
+
+#[test]
+fn corners_are_nearer_to_the_reference() {
+    let Some((mut stage, reference)) = corner(settings(1024, SsbcSettings::OFF)) else { return };
     let bounded = Metrics::new(&stage.picture(), &reference).expect("sizes are equal");
     stage.light_by(illumination(settings(1024, SsbcSettings { iterations: 2, ..default() })));
     let compensated = Metrics::new(&stage.settled_picture(), &reference).expect("sizes are equal");
     println!("{bounded:?}\n{compensated:?}");
     assert!(compensated.energy > bounded.energy && compensated.energy < 1.02, "{bounded:?}, {compensated:?}");
     assert!(compensated.low < bounded.low && compensated.nrmse < bounded.nrmse, "{bounded:?}, {compensated:?}");
+}
+
+/// By default, with as many bounces as the reference has and each frame by itself: without compensation and with two.
+fn compensated_by_default() -> Option<[Metrics; 2]> {
+    let by = |iterations| {
+        let ssbc = SsbcSettings { iterations, ..default() };
+        GiSettings { bounces: 8, history: 0, ssbc, ..default() }
+    };
+    let (mut stage, reference) = corner(by(0))?;
+    Some([0, 2].map(|iterations| {
+        stage.light_by(illumination(by(iterations)));
+        let metrics = Metrics::new(&stage.settled_picture(), &reference).expect("sizes are equal");
+        println!("{iterations} iterations: {metrics:?}");
+        metrics
+    }))
+}
+
+/// Share of the energy that was missing which is there afterwards.
+fn given_back([bounded, compensated]: &[Metrics; 2]) -> f64 {
+    1.0 - (1.0 - compensated.energy) / (1.0 - bounded.energy)
+}
+
+#[test]
+fn corners_get_back_half_of_what_they_lost() {
+    let Some(metrics) = compensated_by_default() else { return };
+    let [bounded, compensated] = metrics;
+    assert!(compensated.low < 0.65 * bounded.low && compensated.flip < bounded.flip, "{metrics:?}");
+    assert!(given_back(&metrics) > 0.5, "{metrics:?}");
+}
+
+#[test]
+#[ignore = "56 % of the missing energy: of 4.4 % 1.9 are missing still"]
+fn corners_get_back_most_of_what_they_lost() {
+    let Some(metrics) = compensated_by_default() else { return };
+    assert!(given_back(&metrics) >= 0.7, "{metrics:?}");
 }

@@ -4,7 +4,11 @@
 //!   reflect, which is nearly their base colour at every roughness, and it counts as if they did so evenly to all sides. So does
 //!   what dielectrics reflect before light comes to their colour: two to eight percent.
 //! - Blended, additive, multiplied and premultiplied surfaces, and those that transmit specularly (glass), are not there:
-//!   light passes them. Masked surfaces are there where alpha reaches their cutoff; alpha to coverage cuts at 0.5.
+//!   light passes them.
+//! - Masked surfaces are there where the mean alpha of a thumbnail's texel, times that of base and vertex colours, reaches half their cutoff;
+//!   alpha to coverage cuts at 0.5. Voxels, points and virtual lights ask at their own place. In shadow maps of virtual lights
+//!   ([`VplVisibility::Atlas`](crate::VplVisibility::Atlas)) a triangle stands or falls as a whole, by its centre: large masked
+//!   triangles shadow all or nothing there.
 //! - Unlit surfaces are as bright as their base colour whatever shines on them: they neither reflect nor emit, and block where
 //!   they cast shadows.
 //! - Emission is what is seen: Bevy shows it without exposure but for `emissive_exposure_weight`, so that its radiance is
