@@ -38,9 +38,10 @@ pub fn ball_ratios(picture: &Picture, reference: &Picture) -> Vec<BallRatio> {
             let light = |picture: &Picture| ball_light(picture, GlossyBalls::center(row, column));
             let once = 1.0 - metallic * (1.0 - WHITE_ONCE[column]) * (albedo + (1.0 - albedo) / 21.0);
             let plastic = metallic + (1.0 - metallic) * PLASTIC[column];
-            let ratio = once * light(picture) / light(reference);
+            let raw = light(picture) / light(reference);
+            let ratio = once * raw;
             println!(
-                "metallic {metallic}, roughness {roughness}: {ratio:.3}, of what Bevy's lobes send {:.3}",
+                "metallic {metallic}, roughness {roughness}: {ratio:.3}, as it is {raw:.3}, of what Bevy's lobes send {:.3}",
                 ratio / plastic
             );
             ratios.push(BallRatio { metallic, roughness, ratio });

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::picture::Picture;
+
 /// The folder with `scenes` and `references`: `BOUNCE_SHARED`, or `shared` beside or within the checkout.
 pub fn shared_folder() -> Option<PathBuf> {
     let checkout = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -21,6 +23,20 @@ pub fn shared_file(path: &str) -> Option<PathBuf> {
         eprintln!("SKIPPED {name}: {path} is absent (set BOUNCE_SHARED)");
     }
     found
+}
+
+/// A scene of the shared folder, and what is path-traced of its bounced light.
+pub fn shared_reference(name: &str) -> Option<(PathBuf, Picture)> {
+    let scene = shared_file(&format!("scenes/{name}.glb"))?;
+    let reference = shared_file(&format!("references/{name}.indirect.exr"))?;
+    Some((scene, Picture::load(&reference).unwrap_or_else(|error| panic!("{error}"))))
+}
+
+/// Writes a picture into the folder that `BOUNCE_PICTURES` names, for looking at.
+pub fn save_if_asked(picture: &Picture, name: &str) {
+    if let Some(folder) = std::env::var_os("BOUNCE_PICTURES") {
+        picture.save(&Path::new(&folder).join(name)).unwrap_or_else(|error| panic!("{error}"));
+    }
 }
 
 /// A small file committed with the tests.

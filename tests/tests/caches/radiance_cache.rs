@@ -2,5 +2,6 @@
 
 mod coverage;
 mod light;
+mod references;
 mod stage;
 mod table;

@@ -359,6 +359,37 @@ fn what_reflections_meet_is_theirs() {
     }
 }
 
+/// Where a metal floor goes from polished to matt, and where its reflections leave the picture, light goes over by degrees: beside Bevy's
+/// reflections there is no edge in it that there is none of without them.
+#[test]
+fn a_ramp_of_roughness_has_no_seam() {
+    const COLUMNS: usize = 16;
+    let mut stage = polished_stage();
+    let ramp = {
+        // Green is roughness, blue is metal.
+        let texels = (0..=u8::MAX).flat_map(|x| [0, (f32::from(x) * 0.7) as u8, u8::MAX, u8::MAX]).collect();
+        let size = Extent3d { width: 256, height: 1, depth_or_array_layers: 1 };
+        let usage = RenderAssetUsages::RENDER_WORLD;
+        let image = Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba8Unorm, usage);
+        stage.world().resource_mut::<Assets<Image>>().add(image)
+    };
+    let floor = StandardMaterial { metallic_roughness_texture: Some(ramp), ..metal(1.0) };
+    let floor = stage.world().resource_mut::<Assets<StandardMaterial>>().add(floor);
+    let plane = Plane3d::default().mesh().size(3.0, 3.0).build();
+    let plane = stage.world().resource_mut::<Assets<Mesh>>().add(plane);
+    let place = Transform::from_xyz(0.0, -1.49, 0.0);
+    stage.world().spawn((Mesh3d(plane), MeshMaterial3d(floor), place));
+    let columns: [(Range<usize>, Range<usize>); COLUMNS] = std::array::from_fn(|i| (4 * i..4 * i + 4, 13..19));
+    let mut light =
+        |reflections| parts(&mut stage, GiIsolate::All, reflections, Vec3::new(0.0, -1.5, -0.7), columns.clone());
+    let (by_caches, with) = (light(false), light(true));
+    let ratios: [f64; COLUMNS] = std::array::from_fn(|i| with[i] / by_caches[i]);
+    println!("by caches {by_caches:.2?}, with reflections {ratios:.2?} of it");
+    assert!(ratios.iter().any(|ratio| (ratio - 1.0).abs() > 0.03), "there are no reflections: {ratios:?}");
+    let step = ratios.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
+    assert!(step < 0.15, "an edge of {step}: {ratios:?}");
+}
+
 /// Under a sky that bounces, what reflections show of a black wall is black: no sky is mirrored there beside it.
 #[test]
 fn reflections_hide_the_sky() {

@@ -7,7 +7,8 @@ use bevy::prelude::*;
 use bevy_bounce::radiance_cache::{CacheCounts, cache_counts};
 use bevy_bounce::{GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, Technique};
 use bevy_bounce_examples::scenes::{
-    AnimalPlugin, CornellPlugin, CrowdPlugin, DoorsPlugin, NightMarketPlugin, ShowroomPlugin, TownPlugin,
+    AnimalPlugin, BuddhaBoxPlugin, ChurchPlugin, CornellPlugin, CrowdPlugin, DoorsPlugin, HeadsPlugin,
+    NightMarketPlugin, OfficePlugin, SeeThroughPlugin, ShowroomPlugin, TownPlugin, URoomPlugin, VillagePlugin,
 };
 use bevy_bounce_tests::references::shared_file;
 use bevy_bounce_tests::stage::{SMALL, Stage, illumination, run};
@@ -64,14 +65,24 @@ fn every_pixel_has_light_in_textured_scenes() {
 #[test]
 #[ignore = "takes minutes on a software adapter"]
 fn every_pixel_has_light_in_generated_scenes() {
-    let scenes: [(&str, fn(&mut App)); 7] = [
-        ("cornell", |app| _ = app.add_plugins(CornellPlugin)),
+    for name in ["cornell_box.glb", "glossy_box.glb"] {
+        assert_covered(name, &mut Stage::of_asset(name, run(SIZE, Some(cached(SMALL))), false, None));
+    }
+    let scenes: [(&str, fn(&mut App)); 14] = [
         ("animal", |app| _ = app.add_plugins(AnimalPlugin)),
+        ("buddha box", |app| _ = app.add_plugins(BuddhaBoxPlugin)),
+        ("church", |app| _ = app.add_plugins(ChurchPlugin)),
+        ("cornell", |app| _ = app.add_plugins(CornellPlugin)),
         ("crowd", |app| _ = app.add_plugins(CrowdPlugin)),
         ("doors", |app| _ = app.add_plugins(DoorsPlugin)),
+        ("heads", |app| _ = app.add_plugins(HeadsPlugin)),
         ("night market", |app| _ = app.add_plugins(NightMarketPlugin)),
+        ("office", |app| _ = app.add_plugins(OfficePlugin)),
+        ("see through", |app| _ = app.add_plugins(SeeThroughPlugin)),
         ("showroom", |app| _ = app.add_plugins(ShowroomPlugin)),
         ("town", |app| _ = app.add_plugins(TownPlugin)),
+        ("u room", |app| _ = app.add_plugins(URoomPlugin)),
+        ("village", |app| _ = app.add_plugins(VillagePlugin)),
     ];
     for (name, scene) in scenes {
         let mut stage = Stage::with_run(run(SIZE, Some(cached(SMALL))), scene);

@@ -10,7 +10,7 @@ use bevy_bounce_tests::balls::ball_ratios;
 use bevy_bounce_tests::gpu::webgpu_limits;
 use bevy_bounce_tests::metrics::{Bounds, Metrics, compare};
 use bevy_bounce_tests::picture::Picture;
-use bevy_bounce_tests::references::committed_file;
+use bevy_bounce_tests::references::{committed_file, save_if_asked};
 use bevy_bounce_tests::stage::{SMALL, Stage, illumination, run};
 
 const SIZE: UVec2 = UVec2::new(64, 36);
@@ -158,12 +158,12 @@ fn a_white_furnace_is_white_at_every_roughness() {
         let picture = furnace.picture();
         // Black walls reflect nothing.
         let lit: Vec<f32> =
-            picture.pixels.iter().map(|pixel| pixel[1] / emitted).filter(|light| *light > 0.5).collect();
+            picture.pixels.iter().map(|pixel| pixel[1] / emitted).filter(|light| *light > 0.05).collect();
         let mean = lit.iter().sum::<f32>() / lit.len() as f32;
         let worst = lit.iter().map(|light| (light - 1.0).abs()).fold(0.0, f32::max);
         println!("roughness {roughness}: mean {mean:.4}, worst {worst:.4} off, {} pixels", lit.len());
         assert!(lit.len() > 200, "the balls are seen");
-        assert!((mean - 1.0).abs() < 0.02 && worst < 0.05, "roughness {roughness}: mean {mean}, worst {worst}");
+        assert!(worst < 0.02, "roughness {roughness}: mean {mean}, worst {worst}");
     }
 }
 
@@ -291,16 +291,22 @@ fn a_sealed_room_stays_dark() {
     assert!(bright > 1.0 && dark < 0.01 * bright, "{:.2} % of the light is in the dark room", 100.0 * dark / bright);
 }
 
-/// `tests/data/glossy_box.indirect.exr` is path-traced from `assets/glossy_box.glb`.
+/// `tests/data/glossy_box.indirect.exr` is path-traced from `assets/glossy_box.glb`. The default quality is printed beside.
 #[test]
 #[ignore = "takes minutes on a software adapter"]
 fn glossy_balls_equal_their_reference() {
     let reference = Picture::load(&committed_file("glossy_box.indirect.exr")).expect("is committed");
-    let size = UVec2::new(384, 216);
-    let caches = RadianceCacheSettings { glossy: true, caches: 32768, ..default() };
-    let settings = GiSettings { bounces: 12, history: 0, radiance_cache: caches, ..Quality::High.settings() };
-    let picture = Stage::of_asset("glossy_box.glb", run(size, Some(illumination(settings))), false, None).picture();
-    let wrong = ball_ratios(&picture, &reference).into_iter().filter(|ball| (ball.ratio - 1.0).abs() > 0.12);
+    let ratios = |quality: Quality, caches: u32| {
+        let radiance_cache = RadianceCacheSettings { glossy: true, caches, ..default() };
+        let settings = GiSettings { bounces: 12, history: 0, radiance_cache, ..quality.settings() };
+        let run = run(UVec2::new(384, 216), Some(illumination(settings)));
+        let picture = Stage::of_asset("glossy_box.glb", run, false, None).picture();
+        println!("{quality:?}, {caches} caches:");
+        save_if_asked(&picture, &format!("glossy_box.{quality:?}.exr"));
+        ball_ratios(&picture, &reference)
+    };
+    ratios(Quality::Medium, RadianceCacheSettings::DEFAULT.caches);
+    let wrong = ratios(Quality::High, 32768).into_iter().filter(|ball| (ball.ratio - 1.0).abs() > 0.12);
     let wrong: Vec<_> = wrong.collect();
     assert!(wrong.is_empty(), "{wrong:?}");
 }

@@ -59,7 +59,7 @@ fn shares_beside_those_of_the_paper() {
     println!("|---|---|---|---|---|---|");
     for (stage, name, paper) in STAGES {
         let (own, ms) = (100.0 * millis(stage) / sum, millis(stage));
-        println!("| `{stage}` | {name} | {paper} | {:.0} % | {own:.0} % | {ms:.0} |", 100.0 * paper / of_paper);
+        println!("| `{stage}` | {name} | {paper} | {:.0} % | {own:.1} % | {ms:.0} |", 100.0 * paper / of_paper);
         assert!(own > 0.0, "{stage} was not measured");
     }
     println!("{times:?}");

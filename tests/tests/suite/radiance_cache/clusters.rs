@@ -110,6 +110,21 @@ fn clusters_equal_their_twin() {
     }
 }
 
+/// So many pixels that sums over their blocks take more than one round.
+#[test]
+fn clusters_of_large_pictures_equal_their_twin() {
+    let mut random = Random::new(17);
+    let size = UVec2::new(700, 400);
+    let count = size.element_product() as usize;
+    assert!(count.div_ceil(1024) > 256);
+    let mut any = || [(random.unit() * 0.1 + 1e-3).to_bits(), encode_unit(random.direction())];
+    let scattered: Vec<_> = (0..count).map(|_| any()).collect();
+    let twin = assert_equal("large", &grid(size, 24, 8192, 8), &scattered);
+    assert!(twin.merged > 0, "there is room for all clusters");
+    let holes: Vec<_> = scattered.iter().enumerate().map(|(i, s)| if i % 5 == 0 { [0; 2] } else { *s }).collect();
+    assert_equal("large, with holes", &grid(size, 24, 1500, 8), &holes);
+}
+
 /// A flat tile has one cluster, an edge of a room two or three: no more than the normals need.
 #[test]
 fn flat_tiles_have_one_cluster() {

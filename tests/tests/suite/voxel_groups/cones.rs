@@ -17,6 +17,8 @@ use crate::paths::intersect;
 
 const HALF: TextureFormat = TextureFormat::Rgba16Float;
 const ALBEDO: f32 = 0.5;
+/// Room for the light of a group's cells.
+const GROUP_CELLS: usize = GROUP_EDGE.pow(3) as usize / 2;
 
 /// Voxels of an empty world of 8 by 8 by 8.
 const WORLD: UVec3 = UVec3::splat(64);
@@ -52,18 +54,22 @@ fn filter(mut resources: Resources, name: &str, size: [u32; 3], levels: u32, def
     resources
 }
 
-/// What caches at those places see of one group in the empty world, or of the same meshes voxelised with it: light and coverage of each
+/// What caches at those places see of groups in the empty world, or of the same meshes voxelised with it: light and coverage of each
 /// direction.
-fn see(group: &TestScene, place: Affine3A, as_group: bool, caches: &[(Vec3, Vec3)]) -> Vec<Vec<Vec4>> {
+fn see(groups: &[(&TestScene, Affine3A)], as_groups: bool, caches: &[(Vec3, Vec3)]) -> Vec<Vec<Vec4>> {
     let mut scene = TestScene::new(Vec3::splat(ALBEDO));
-    if !as_group {
-        scene.mesh(&group.triangles, 0, 0, place);
+    let (mut grids, mut placed) = (Vec::new(), Vec::new());
+    for (index, &(group, place)) in groups.iter().enumerate() {
+        if as_groups {
+            grids.push((group, group_grid(group)));
+            placed.push((index, place));
+        } else {
+            scene.mesh(&group.triangles, 0, 0, place);
+        }
     }
     let empty = voxelize(gpu(), &scene, &world(), None);
-    let (grids, placed) = ([(group, group_grid(group))], [(0, place)]);
-    let groups = usize::from(as_group);
-    let resources = add_groups(gpu(), empty, &grids[..groups], &placed[..groups]);
-    let cells = resources.read_words("cells").expect("reads back").len() / 4;
+    let resources = add_groups(gpu(), empty, &grids, &placed);
+    let cells = resources.read_words("cells").expect("reads back").len() / 4 + groups.len() * GROUP_CELLS;
     let volume = LightVolume { dims: WORLD, gap: GAP, last_level: GAP.ilog2(), ..Default::default() };
     let records: Vec<_> = caches
         .iter()
@@ -80,7 +86,7 @@ fn see(group: &TestScene, place: Affine3A, as_group: bool, caches: &[(Vec3, Vec3
         .texture("atlas", HALF, [CACHES_A_ROW * CACHE_WIDTH, CACHE_HEIGHT, 1], false, &[])
         .sampler("light_sampler", wgpu::FilterMode::Linear);
     let resources = filter(resources, "light", [2 * WORLD.x + GAP, WORLD.y, WORLD.z], GAP.ilog2() + 1, &[]);
-    let cube = [2 * GROUP_EDGE, GROUP_EDGE, GROUP_EDGE];
+    let cube = [2 * GROUP_EDGE, GROUP_EDGE, GROUP_EDGE * groups.len() as u32];
     let resources = filter(resources, "group", cube, GROUP_EDGE.ilog2() + 1, &["GROUPS"]);
     run(gpu(), "radiance_cache/create.wgsl", "create", &resources, [caches.len() as u32, 1, 1]);
     let bytes = resources.read_texture("atlas").expect("reads back");
@@ -95,6 +101,10 @@ fn see(group: &TestScene, place: Affine3A, as_group: bool, caches: &[(Vec3, Vec3
 
 fn turned(place: Vec3) -> Affine3A {
     Affine3A::from_rotation_translation(Quat::from_euler(EulerRot::XYZ, 0.5, 0.8, 0.2), place)
+}
+
+fn turned_about_y(place: Vec3) -> Affine3A {
+    Affine3A::from_rotation_translation(Quat::from_rotation_y(0.15), place)
 }
 
 /// As a room that lies along the axes of the world's voxels is to cones through these, whichever way it is turned.
@@ -117,7 +127,7 @@ fn a_room_that_is_a_group_is_closed_and_lit() {
     let seen = |place: Affine3A, as_group: bool| -> Vec<Vec4> {
         let there = |&(on, normal): &(Vec3, Vec3)| (place.transform_point3(on), place.transform_vector3(normal));
         let caches: Vec<_> = caches.iter().map(there).collect();
-        see(&group, place, as_group, &caches).into_iter().flatten().collect()
+        see(&[(&group, place)], as_group, &caches).into_iter().flatten().collect()
     };
     let closed = |texels: &[Vec4]| texels.iter().map(|texel| texel.w).sum::<f32>() / texels.len() as f32;
     let in_world = seen(straight, false);
@@ -155,12 +165,12 @@ fn groups_neither_grow_nor_vanish() {
                     (middle - way * (distance + size), (way + 0.3 * random.vector()).normalize())
                 })
                 .collect();
-            let seen = see(&group, place, true, &caches);
+            let seen = see(&[(&group, place)], true, &caches);
             let sum = |seen: &[Vec<Vec4>], value: fn(&Vec4) -> f32| {
                 seen.iter().flatten().map(value).sum::<f32>() * 2.0 * PI / 256.0
             };
             let (found, light) = (sum(&seen, |texel| texel.w), sum(&seen, |texel| texel.x));
-            let in_world = sum(&see(&group, place, false, &caches), |texel| texel.w);
+            let in_world = sum(&see(&[(&group, place)], false, &caches), |texel| texel.w);
             let rays = 4000;
             let exact: f32 = caches
                 .iter()
@@ -182,5 +192,39 @@ fn groups_neither_grow_nor_vanish() {
             assert!((light / found - 1.0).abs() < 0.02, "{light} of light on {found}");
             assert!((0.8..1.4).contains(&ratio), "half {half} at {distance}: {found} sr, expected {exact}");
         }
+    }
+}
+
+/// Of two blocks one behind the other, what the one in front covers hides the other's light and no more, whichever is first among the groups.
+#[test]
+fn groups_hide_what_is_behind_them() {
+    let block = |albedo: Vec3, half: Vec3| {
+        let mut group = TestScene::new(albedo * ALBEDO);
+        group.soup(&cuboid(-half, half));
+        group
+    };
+    let (narrow, wide) = (Vec3::new(0.6, 0.5, 0.25), Vec3::new(1.9, 1.7, 0.3));
+    let caches =
+        [(Vec3::new(0.1, -0.1, 1.6), Vec3::NEG_Z), (Vec3::new(-0.8, 0.3, 1.3), Vec3::new(0.4, -0.1, -1.0).normalize())];
+    let look = |groups: &[(&TestScene, Affine3A)]| see(groups, true, &caches).into_iter().flatten().collect::<Vec<_>>();
+    let at = |z: f32| turned_about_y(Vec3::new(0.05, 0.1, z));
+    for (front, behind) in [(narrow, wide), (wide, narrow)] {
+        let (red, green) = (block(Vec3::X, front), block(Vec3::Y, behind));
+        let (red, green) = ((&red, at(0.0)), (&green, at(-1.3)));
+        let (of_red, of_green) = (look(&[red]), look(&[green]));
+        let together = look(&[red, green]);
+        let mut hidden = 0.0;
+        for ((red, green), both) in of_red.iter().zip(&of_green).zip(&together) {
+            let left = green.y * (1.0 - red.w);
+            // A cone that is open by six percent counts as closed.
+            assert!((both.x - red.x).abs() < 0.07, "in front there is {} of {}", both.x, red.x);
+            assert!((both.y - left).abs() < 0.1, "behind there is {} of {left}", both.y);
+            hidden += green.y - both.y;
+        }
+        println!("{hidden} of {} is hidden", of_green.iter().map(|green| green.y).sum::<f32>());
+        assert!(hidden > 10.0, "nothing is hidden: {hidden}");
+        let other_way = look(&[green, red]);
+        let differs = together.iter().zip(&other_way).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f32::max);
+        assert!(differs < 2e-3, "the order of the groups changes light by {differs}");
     }
 }
