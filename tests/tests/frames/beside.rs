@@ -16,7 +16,7 @@ use bevy::post_process::bloom;
 use bevy::prelude::*;
 use bevy::render::render_resource::{Extent3d, TextureDimension, TextureFormat, WgpuFeatures};
 use bevy::render::renderer::RenderDevice;
-use bevy_bounce::{GiIsolate, GiSettings, GlobalIllumination, RadianceCacheSettings, Technique};
+use bevy_bounce::{GiIsolate, GiSettings, GlobalIllumination, RadianceCacheSettings, Technique, VoxelizedMesh};
 use bevy_bounce_examples::scenes::{Builder, Walls};
 use bevy_bounce_tests::eye::Eye;
 use bevy_bounce_tests::picture::Picture;
@@ -298,11 +298,13 @@ fn parts<const N: usize>(
     parts: [(Range<usize>, Range<usize>); N],
 ) -> [f64; N] {
     let radiance_cache = RadianceCacheSettings { glossy: true, ..default() };
-    let light = illumination(GiSettings { radiance_cache, ..SMALL });
+    let light = illumination(GiSettings { grid: 64, radiance_cache, ..SMALL });
     let place = Transform::from_xyz(0.0, 0.0, 1.3).looking_at(towards, Vec3::Y);
     let eye = Eye::open(stage, SIZE, EXPOSURE, (place, light, isolate));
     if reflections {
-        stage.world().entity_mut(eye.camera).insert(ScreenSpaceReflections::default());
+        // On mirrors, too.
+        let reflections = ScreenSpaceReflections { min_perceptual_roughness: 0.0..0.0, ..default() };
+        stage.world().entity_mut(eye.camera).insert(reflections);
     }
     (0..4).for_each(|_| stage.frame(std::time::Duration::ZERO));
     let mut means = [0.0; N];
@@ -359,35 +361,55 @@ fn what_reflections_meet_is_theirs() {
     }
 }
 
-/// Where a metal floor goes from polished to matt, and where its reflections leave the picture, light goes over by degrees: beside Bevy's
-/// reflections there is no edge in it that there is none of without them.
+/// A closed room of walls that shine alike, with a floor of white metal that goes from polished to matt.
+fn shining_room(mut build: Builder, mut images: ResMut<Assets<Image>>) {
+    let emission = EMITTED * EXPOSURE.exposure();
+    let wall = build.materials.add(StandardMaterial {
+        base_color: Color::BLACK,
+        reflectance: 0.0,
+        emissive: LinearRgba::rgb(emission, emission, emission),
+        ..default()
+    });
+    let [floor, ceiling, back, front, left, right] = std::array::from_fn(|_| wall.clone());
+    build.room(Vec3::splat(-1.5), Vec3::splat(1.5), &Walls { floor, ceiling, back, front, left, right });
+    // Green is roughness, blue is metal.
+    let texels = (0..=u8::MAX).flat_map(|x| [0, (f32::from(x) * 0.7) as u8, u8::MAX, u8::MAX]).collect();
+    let size = Extent3d { width: 256, height: 1, depth_or_array_layers: 1 };
+    let usage = RenderAssetUsages::RENDER_WORLD;
+    let ramp = images.add(Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba8Unorm, usage));
+    let floor = build.materials.add(StandardMaterial {
+        base_color: Color::WHITE,
+        metallic_roughness_texture: Some(ramp),
+        ..metal(1.0)
+    });
+    let black = VoxelizedMesh { albedo: Some(Color::BLACK), ..default() };
+    build.place(Plane3d::default().mesh().size(3.0, 3.0), Transform::from_xyz(0.0, -1.4, 0.0), &floor).insert(black);
+    build.commands.spawn((Camera3d::default(), Camera { is_active: false, ..default() }));
+}
+
+/// Of the walls of [`shining_room`], cd/m^2.
+const EMITTED: f32 = 20.0;
+
+/// Where light is the same from everywhere, a mirror shows it as matt metal does: there is no seam where Bevy's reflections begin and end
+/// by roughness, nor where they leave the picture, and none of the light is shown twice or lost. Bevy's reflections draw from GGX itself,
+/// while what bounces in the relief of metal stays by Bevy's approximation of it: together up to a tenth too much.
 #[test]
-fn a_ramp_of_roughness_has_no_seam() {
-    const COLUMNS: usize = 16;
-    let mut stage = polished_stage();
-    let ramp = {
-        // Green is roughness, blue is metal.
-        let texels = (0..=u8::MAX).flat_map(|x| [0, (f32::from(x) * 0.7) as u8, u8::MAX, u8::MAX]).collect();
-        let size = Extent3d { width: 256, height: 1, depth_or_array_layers: 1 };
-        let usage = RenderAssetUsages::RENDER_WORLD;
-        let image = Image::new(size, TextureDimension::D2, texels, TextureFormat::Rgba8Unorm, usage);
-        stage.world().resource_mut::<Assets<Image>>().add(image)
-    };
-    let floor = StandardMaterial { metallic_roughness_texture: Some(ramp), ..metal(1.0) };
-    let floor = stage.world().resource_mut::<Assets<StandardMaterial>>().add(floor);
-    let plane = Plane3d::default().mesh().size(3.0, 3.0).build();
-    let plane = stage.world().resource_mut::<Assets<Mesh>>().add(plane);
-    let place = Transform::from_xyz(0.0, -1.49, 0.0);
-    stage.world().spawn((Mesh3d(plane), MeshMaterial3d(floor), place));
-    let columns: [(Range<usize>, Range<usize>); COLUMNS] = std::array::from_fn(|i| (4 * i..4 * i + 4, 13..19));
-    let mut light =
-        |reflections| parts(&mut stage, GiIsolate::All, reflections, Vec3::new(0.0, -1.5, -0.7), columns.clone());
-    let (by_caches, with) = (light(false), light(true));
-    let ratios: [f64; COLUMNS] = std::array::from_fn(|i| with[i] / by_caches[i]);
-    println!("by caches {by_caches:.2?}, with reflections {ratios:.2?} of it");
-    assert!(ratios.iter().any(|ratio| (ratio - 1.0).abs() > 0.03), "there are no reflections: {ratios:?}");
-    let step = ratios.windows(2).map(|pair| (pair[1] - pair[0]).abs()).fold(0.0, f64::max);
-    assert!(step < 0.15, "an edge of {step}: {ratios:?}");
+fn reflections_have_no_seam() {
+    const COLUMNS: usize = 8;
+    let mut stage = Stage::new(SIZE, SMALL, |app| {
+        app.add_systems(Startup, shining_room);
+    });
+    let columns: [(Range<usize>, Range<usize>); COLUMNS] = std::array::from_fn(|i| (8 * i..8 * i + 8, 13..19));
+    let towards = Vec3::new(0.0, -1.5, -0.7);
+    for (reflections, most) in [(false, 0.05), (true, 0.12)] {
+        let light = parts(&mut stage, GiIsolate::All, reflections, towards, columns.clone());
+        let light = light.map(|light| light / f64::from(EMITTED));
+        println!("reflections {reflections}: {light:.3?} of the light");
+        assert!(light.iter().all(|light| (light - 1.0).abs() < most), "reflections {reflections}: {light:?}");
+    }
+    let [whole, left] = [false, true]
+        .map(|reflections| parts(&mut stage, GiIsolate::Glossy, reflections, towards, [(24..40, 13..19)])[0]);
+    assert!(left < 0.5 * whole, "reflections meet nothing: caches keep {left} of {whole}");
 }
 
 /// Under a sky that bounces, what reflections show of a black wall is black: no sky is mirrored there beside it.
