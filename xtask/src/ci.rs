@@ -16,7 +16,7 @@ const DEVICE_TESTS: [&str; 5] = ["suite", "baked", "caches", "frames", "settings
 
 /// Tests that run once, by parts of their names: those that no device takes part in, and those of many pictures that have others beside
 /// them in which the same passes run with both limits. That both light a scene alike is a test by itself.
-const ONCE: [&str; 24] = [
+const ONCE: [&str; 25] = [
     "guides::",
     "lightmap::",
     "metrics::",
@@ -36,6 +36,7 @@ const ONCE: [&str; 24] = [
     "panel::",
     "radiance_cache::references",
     "recovery::",
+    "reflections_have",
     "soak::",
     "ssbc::corners",
     "ssbc::the_parts",
