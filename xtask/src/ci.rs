@@ -16,7 +16,9 @@ const DEVICE_TESTS: [&str; 5] = ["suite", "baked", "caches", "frames", "settings
 
 /// Tests that run once, by parts of their names: those that no device takes part in, and those of many pictures that have others beside
 /// them in which the same passes run with both limits. That both light a scene alike is a test by itself.
-const ONCE: [&str; 25] = [
+const ONCE: [&str; 27] = [
+    "::reflections_",
+    "a_smaller_main_pass",
     "guides::",
     "lightmap::",
     "metrics::",
@@ -32,11 +34,11 @@ const ONCE: [&str; 25] = [
     "cuts::",
     "every_setting",
     "history::frames",
+    "lamps::",
     "nested::a_drive",
     "panel::",
     "radiance_cache::references",
     "recovery::",
-    "reflections_have",
     "soak::",
     "ssbc::corners",
     "ssbc::the_parts",
