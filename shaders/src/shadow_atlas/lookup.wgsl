@@ -5,7 +5,7 @@
 #define_import_path bevy_bounce::shadow_atlas::lookup
 
 #import bevy_bounce::shadow_atlas::tile::{
-    AtlasParameters, TILE_EMPTY, DEPTH_STEPS, tile_frame, to_tile, from_tile, tile_words, texel_depth, texel_error,
+    AtlasParameters, TILE_EMPTY, DEPTH_STEPS, tile_frame, to_tile, texel_direction, tile_words, texel_depth, texel_error,
     texel_normal,
 }
 #import bevy_bounce::vpl::types::Vpl
@@ -28,7 +28,7 @@ fn atlas_visible(light: u32, vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -
     let edge = f32(parameters.tile);
     let texel = min(vec2<u32>(to_tile(to_surface) * edge), vec2<u32>(parameters.tile - 1u));
     let word = atlas[light * tile_words(parameters) + texel.y * parameters.tile + texel.x];
-    let direction = normalize(from_tile((vec2<f32>(texel) + 0.5) / edge));
+    let direction = texel_direction(texel, parameters.tile);
     let off = to_surface - direction * texel_depth(word, parameters.far);
     let rounding = ROUNDING / DEPTH_STEPS * parameters.far;
     let bias = SLACK * length(off) + rounding + texel_error(word, parameters.error);

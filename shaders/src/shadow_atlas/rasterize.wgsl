@@ -12,7 +12,9 @@
 
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::Grid
-#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_frame, to_tile, from_tile, tile_words, pack_texel, error_of}
+#import bevy_bounce::shadow_atlas::tile::{
+    AtlasParameters, TILE_EMPTY, OWN_PLANE, SAME_FACING, tile_frame, to_tile, from_tile, tile_words, pack_texel, error_of,
+}
 #import bevy_bounce::shadow_atlas::types::{Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT}
 #import bevy_bounce::shared::scene::NONE
 #import bevy_bounce::vpl::types::{Vpl, VplHeader}
@@ -32,10 +34,6 @@ const GROUP: u32 = 64u;
 const MAX_TILE_TEXELS: u32 = 2304u;
 /// Texels in the box of a triangle that one thread fills.
 const INLINE_TEXELS: u32 = 8u;
-/// Cosine to the light's normal of a surface that it may be on.
-const SAME_FACING: f32 = 0.5;
-/// Voxels between the light and the plane of its own surface, where that is not coarser than the surface itself.
-const OWN_PLANE: f32 = 0.02;
 
 // A triangle as a light sees it; a direction d is inside where all edges have dot(edge, d) >= 0, and meets the triangle at
 // d / dot(plane, d).

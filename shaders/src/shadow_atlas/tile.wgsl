@@ -14,6 +14,11 @@ const TILE_EMPTY: u32 = 0xffffffffu;
 /// Steps of depth.
 const DEPTH_STEPS: f32 = 16383.0;
 
+/// Voxels between a light and the plane of its own surface, where that is not coarser than the surface itself.
+const OWN_PLANE: f32 = 0.02;
+/// Cosine to the light's normal of a surface that it may be on.
+const SAME_FACING: f32 = 0.5;
+
 /// Steps of the root of an error.
 const ERROR_STEPS: u32 = 3u;
 
@@ -46,6 +51,11 @@ fn to_tile(direction: vec3<f32>) -> vec2<f32> {
 fn from_tile(place: vec2<f32>) -> vec3<f32> {
     let w = place * 2.0 - 1.0;
     return vec3<f32>(w.x + w.y, w.x - w.y, 2.0 - 2.0 * max(abs(w.x), abs(w.y))) * 0.5;
+}
+
+/// Of the middle of a texel, in the frame; length 1.
+fn texel_direction(texel: vec2<u32>, tile: u32) -> vec3<f32> {
+    return normalize(from_tile((vec2<f32>(texel) + 0.5) / f32(tile)));
 }
 
 /// Words of a tile.

@@ -60,7 +60,7 @@ pub struct AtlasParameters {
 }
 
 /// Points are in the order of the surfaces; a light takes one of this many subsets, each spread over all of them.
-pub const POINT_SUBSETS: u32 = 16;
+pub const POINT_SUBSETS: u32 = 4;
 
 /// A point of a surface, wherever that goes.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]

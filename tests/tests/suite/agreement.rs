@@ -112,7 +112,7 @@ fn splat(scene: &TestScene, resources: Resources) -> Resources {
     resources
 }
 
-/// Points at equal steps of area, four a texel for each light, as the frame spreads them; the area that one of a light's stands for.
+/// Points at equal steps of area, sixteen a texel for each light, as the frame spreads them; the area that one of a light's stands for.
 fn spread(scene: &TestScene) -> (Vec<SurfacePoint>, f32) {
     let mut total = 0.0;
     let mut sum = |t: &[Vec3; 3]| {
@@ -125,7 +125,7 @@ fn spread(scene: &TestScene) -> (Vec<SurfacePoint>, f32) {
         (0..data.triangle_count).map(move |triangle| (instance, index_offset + 3 * triangle))
     };
     let firsts: Vec<(u32, u32)> = (0..).zip(&scene.instances).flat_map(firsts).collect();
-    let share = 4 * TILE * TILE;
+    let share = 16 * TILE * TILE;
     let count = share * POINT_SUBSETS;
     let point = |index: u32| {
         let place = (f64::from(index) + 0.5) / f64::from(count) * total;
@@ -136,11 +136,11 @@ fn spread(scene: &TestScene) -> (Vec<SurfacePoint>, f32) {
     ((0..count).map(point).collect(), (total / f64::from(share)) as f32)
 }
 
-/// Roberts 2018, the R2 sequence, folded into a triangle: weights of the second and third corner, 16 bits each.
+/// Twin of the sequence in `scene/occluders.rs`: weights of the second and third corner, 16 bits each.
 fn barycentric(index: u32) -> u32 {
     let fraction = |step: f64| ((f64::from(index) + 0.5) * step).fract();
-    let (u, v) = (fraction(0.754_877_666_246_692_8), fraction(0.569_840_290_998_053_2));
-    let (b, c) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+    let (u, v) = (fraction(0.765_183_929_829_757_2), fraction(0.403_490_884_939_937_23));
+    let (b, c) = if u < v { (u / 2.0, v - u / 2.0) } else { (u - v / 2.0, v / 2.0) };
     (b * 65535.0) as u32 | ((c * 65535.0) as u32) << 16
 }
 
@@ -319,21 +319,20 @@ fn agreements(name: &str) -> Option<[Agreement; 3]> {
 #[test]
 fn lights_agree_with_exact_rays_in_scenes() {
     // A texel of 32 x 32 is up to six degrees wide: in a church of columns and ledges as much is hidden by chance as is seen.
-    for (name, least) in [("corner", 0.97), ("sibenik", 0.85)] {
-        let Some([atlas, _, voxel]) = agreements(name) else { return };
+    for (name, least, least_by_points) in [("corner", 0.97, 0.93), ("sibenik", 0.85, 0.70)] {
+        let Some([atlas, ism, voxel]) = agreements(name) else { return };
         assert!(atlas.agree >= least, "{name}: {} agree", atlas.agree);
         assert!((atlas.seen - atlas.exact).abs() < 0.02, "{name}: maps see {}, rays {}", atlas.seen, atlas.exact);
         assert!(voxel.agree >= 0.90, "{name}: {} agree by voxels", voxel.agree);
+        assert!(ism.agree >= least_by_points, "{name}: {} agree by points", ism.agree);
     }
 }
 
 #[test]
-#[ignore = "maps of points agree in 85 % of corner and 68 % of sibenik, those of triangles in 88 % of sibenik"]
-fn maps_agree_with_exact_rays_in_any_scene() {
-    for name in ["corner", "sibenik"] {
-        let Some([atlas, ism, _]) = agreements(name) else { return };
-        assert!(atlas.agree >= 0.97 && ism.agree >= 0.93, "{name}: {} agree, of points {}", atlas.agree, ism.agree);
-    }
+#[ignore = "maps of points agree in 75 % of sibenik, those of triangles in 88 %"]
+fn maps_agree_with_exact_rays_in_a_church() {
+    let Some([atlas, ism, _]) = agreements("sibenik") else { return };
+    assert!(atlas.agree >= 0.97 && ism.agree >= 0.93, "{} agree, of points {}", atlas.agree, ism.agree);
 }
 
 #[test]

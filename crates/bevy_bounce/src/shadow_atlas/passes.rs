@@ -94,6 +94,7 @@ pub(super) fn draw_atlas(
         whole(source),
         whole(&atlas.occluders),
     ];
+    place_bindings.extend((settings.visibility == VplVisibility::Ism).then(|| parameters.clone()));
     place_bindings.extend(baked.as_ref().map(|baked| whole(&baked.instance_objects)));
     let mut draw_bindings = vec![
         parameters,

@@ -84,6 +84,8 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let others = |path, entry, bindings: &[_]| kernel_with(path, entry, bindings, &[], vec!["BAKED".into()]);
     // Geometry, instances, materials, thumbnails, chunks or points; occluders; where there are bakes, objects of the instances.
     let place = [read, read, read, read, read, write, read];
+    // The same for points, and parameters.
+    let place_points = [read, read, read, read, read, write, uniform];
     // Parameters, grid; header, occluders; lights, atlas; where there are bakes, eyes.
     let draw = [uniform, uniform, read, read, read, write, read];
     // Texels, bakes; tree; header, lights; eyes.
@@ -93,7 +95,7 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     commands.insert_resource(AtlasPipelines {
         place_occluders: kernel("shadow_atlas/occluders.wgsl", "place_occluders", &place[..6]),
         rasterize: kernel("shadow_atlas/rasterize.wgsl", "rasterize", &draw[..6]),
-        place_points: kernel("shadow_atlas/points.wgsl", "place_points", &place[..6]),
+        place_points: kernel("shadow_atlas/points.wgsl", "place_points", &place_points),
         splat_points: kernel("shadow_atlas/splat.wgsl", "splat_points", &draw[..6]),
         find_eyes: kernel("shadow_atlas/eyes.wgsl", "find_eyes", &find),
         draw_baked: kernel_with("shadow_atlas/baked.wgsl", "draw_baked", &look, &[maps_layout()], vec![]),
