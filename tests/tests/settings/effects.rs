@@ -16,7 +16,7 @@ use bevy_bounce_tests::stage::{SMALL, Stage, run};
 
 const SIZE: UVec2 = UVec2::new(64, 36);
 /// Enough pixels that the number of caches follows from the setting.
-const CACHED_SIZE: UVec2 = UVec2::new(240, 135);
+const CACHED_SIZE: UVec2 = UVec2::new(384, 216);
 /// By shadow maps.
 const MAPPED: GiSettings = GiSettings { visibility: VplVisibility::Atlas, ..SMALL };
 /// Bounded so much that there is a lot to give back.

@@ -187,7 +187,7 @@ mod tests {
     fn every_tile_has_room_for_two_caches() {
         let lens = Mat4::perspective_infinite_reverse_rh(0.7, 1.6, 0.1);
         for size in [UVec2::new(1, 1), UVec2::new(64, 36), UVec2::new(320, 180), UVec2::new(1742, 1145)] {
-            for capacity in [512, 4096] {
+            for capacity in [1024, 4096] {
                 let grid = layout(size, capacity, 2.0, lens);
                 assert!(grid.tiles.element_product() <= capacity / 2 && grid.orthographic == 0, "{grid:?}");
                 assert!((grid.tiles * grid.tile).cmpge(size).all() && (1..=MOST_SLICES).contains(&grid.slices));

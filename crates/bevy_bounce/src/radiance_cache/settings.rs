@@ -9,7 +9,7 @@ pub struct RadianceCacheSettings {
     /// Glossy light beside virtual point lights: what they light is seen in metal and polish. Costs the light of the voxels and the
     /// caches. With [`Technique::RadianceCache`](crate::Technique::RadianceCache) it is always there.
     pub glossy: bool,
-    /// Caches at two million pixels, 256 to 32768; in proportion to the number of pixels, and never less than 512. More show finer
+    /// Caches at two million pixels, 256 to 32768; in proportion to the number of pixels, and never less than 1024. More show finer
     /// detail in reflections; memory (4 KiB each) and the cost of filling them are proportional.
     #[reflect(@256..=32768_u32)]
     pub caches: u32,
@@ -22,8 +22,8 @@ pub struct RadianceCacheSettings {
     pub further_bounces: bool,
 }
 
-/// Fewest caches of a view.
-const FEWEST: u32 = 512;
+/// Fewest caches of a view: what is mirrored does not become coarser with the picture.
+const FEWEST: u32 = 1024;
 /// Most caches of a view: those that the largest texture of the smallest device holds.
 const MOST: u32 = 32768;
 /// Pixels at which the number of caches is as the settings say.
@@ -71,7 +71,7 @@ mod tests {
     fn caches_follow_the_pixels() {
         let settings = RadianceCacheSettings::DEFAULT;
         assert_eq!(settings.capacity(UVec2::new(2000, 1000)), 4096);
-        assert_eq!(settings.capacity(UVec2::new(320, 180)), 512);
+        assert_eq!(settings.capacity(UVec2::new(320, 180)), 1024);
         assert_eq!(settings.capacity(UVec2::new(4000, 2000)), 16384);
         assert_eq!(settings.capacity(UVec2::new(16384, 16384)), 32768);
     }
