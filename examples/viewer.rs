@@ -17,7 +17,7 @@ struct Cli {
     /// glTF camera by name [default: main, else the first]
     #[arg(long, value_name = "NAME")]
     camera: Option<String>,
-    /// As the references: diffuse, two-sided, without normal, occlusion or emissive maps, vertex colours, clearcoat or
+    /// As the references: diffuse, two-sided but for what shines, without normal, occlusion or emissive maps, vertex colours, clearcoat or
     /// blended surfaces
     #[arg(long)]
     matte: bool,

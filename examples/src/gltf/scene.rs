@@ -30,7 +30,7 @@ pub struct GltfScenePlugin {
     pub file: SceneFile,
     /// Through which of its cameras.
     pub camera: Option<FileCamera>,
-    /// Everything diffuse and two-sided, as the references are.
+    /// Everything diffuse and two-sided, as the references are; what shines has the sides that the file says.
     pub matte: bool,
     /// Textures upside down: the path-traced references take v the other way round.
     pub flip_textures: bool,
@@ -322,6 +322,8 @@ fn make_matte(
             commands.entity(entity).despawn();
             continue;
         }
+        // What shines does so from the sides that the file says, as the path tracer's emitters.
+        let shines = material.emissive != LinearRgba::BLACK;
         *material = StandardMaterial {
             base_color: material.base_color,
             base_color_channel: material.base_color_channel.clone(),
@@ -332,8 +334,8 @@ fn make_matte(
             metallic: 0.0,
             perceptual_roughness: 1.0,
             reflectance: 0.0,
-            double_sided: true,
-            cull_mode: None,
+            double_sided: material.double_sided || !shines,
+            cull_mode: material.cull_mode.filter(|_| shines),
             ..default()
         };
     }

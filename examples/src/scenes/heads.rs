@@ -150,10 +150,10 @@ fn try_spawn(build: &mut Builder, bakes: Option<ResMut<Assets<CssmAsset>>>) -> R
     let plaster = Piece { name: "plaster", solid: head(), albedo: [0.74, 0.7, 0.64] };
     let head = BakedObject::new("head", &[plaster], &HEAD_BAKE, build, bakes)?;
     room.spawn(&mut build.commands, Transform::IDENTITY);
-    for (x, angle, speed) in [(-0.85, 0.5, 0.6), (0.85, -0.6, -0.45)] {
+    for (name, x, angle, speed) in [("left head", -0.85, 0.5, 0.6), ("right head", 0.85, -0.6, -0.45)] {
         let at = Transform::from_xyz(x, 1.15, -0.1).with_rotation(Quat::from_rotation_y(angle));
         let head = head.spawn(&mut build.commands, at);
-        build.commands.entity(head).insert(Turning(speed));
+        build.commands.entity(head).insert((Name::new(name), Turning(speed)));
     }
     CornellBox::spawn_lamp_and_camera(&mut build.commands);
     Ok(())
