@@ -325,6 +325,7 @@ fn parts<const N: usize>(
 /// However smooth a metal is, it has about the same light with Bevy's reflections as by caches alone: nothing twice, and no seam where
 /// reflections fade or meet nothing, which is most of a ball's front.
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn reflections_and_caches_share_the_light() {
     let mut stage = polished_stage();
     let ball = stage.world().resource::<Ball>().0.clone();

@@ -53,6 +53,7 @@ fn assert_agreement(name: &str) -> Option<(Stage, Picture)> {
 }
 
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn u_room_equals_its_reference() {
     let Some((mut stage, reference)) = assert_agreement("u_room") else { return };
     // The bounds would notice: without what bounces twice there is too little.
@@ -61,13 +62,13 @@ fn u_room_equals_its_reference() {
 }
 
 #[test]
-#[ignore = "takes minutes on a software adapter, as one more of its kind"]
+#[ignore = "takes minutes on a software adapter"]
 fn cornell_spot_equals_its_reference() {
     assert_agreement("cornell_spot");
 }
 
 #[test]
-#[ignore = "takes minutes on a software adapter, as one more of its kind"]
+#[ignore = "takes minutes on a software adapter"]
 fn corner_equals_its_reference() {
     assert_agreement("corner");
 }

@@ -95,6 +95,7 @@ fn unrest(stage: &mut Stage, frames: usize) -> (f64, f64) {
 
 /// A figure that walks changes the light around it step by step: no frame is brighter or darker than those beside it.
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn no_frame_stands_out_while_a_figure_walks() {
     for technique in TECHNIQUES {
         let mut stage = Stage::with_run(run(SIZE, Some(lit(technique, default_history()))), |app| {
