@@ -53,7 +53,7 @@ pub enum Technique {
 pub enum Quality {
     /// 256 virtual lights, a grid of 32^3 voxels, shaded at half resolution, one bias compensation.
     Low,
-    /// 1024 virtual lights, a grid of 64^3 voxels, one bias compensation.
+    /// 2048 virtual lights, a grid of 64^3 voxels, shaded at half resolution, one bias compensation.
     #[default]
     Medium,
     /// 4096 virtual lights, a grid of 96^3 voxels, two bias compensations.
@@ -149,7 +149,7 @@ impl Resolution {
 }
 
 /// Virtual lights times triangles that are drawn into their shadow maps, at most.
-const OCCLUSION_BUDGET: u32 = 1 << 24;
+const OCCLUSION_BUDGET: u32 = 1 << 25;
 
 /// How far around the camera light is fine by default, world units.
 const RANGE: f32 = 40.0;
@@ -280,7 +280,7 @@ impl Quality {
         };
         match *self {
             Quality::Low => preset(32, 256, 24, 16, 32, Resolution::Half, 1, 32.0),
-            Quality::Medium => preset(64, 1024, 32, 20, 64, Resolution::Full, 1, 16.0),
+            Quality::Medium => preset(64, 2048, 32, 20, 64, Resolution::Half, 1, 16.0),
             Quality::High => preset(96, 4096, 32, 20, 128, Resolution::Full, 2, 8.0),
             Quality::Ultra => preset(128, 8192, 48, 24, 256, Resolution::Full, 2, 4.0),
             Quality::Custom(custom) => GiSettings {

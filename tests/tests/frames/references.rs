@@ -52,7 +52,6 @@ fn boxes_equal_their_references() {
 }
 
 #[test]
-#[ignore = "flip 0.131 of 0.10; energy 0.969 and low 0.135 hold"]
 fn a_room_around_two_bends_equals_its_reference() {
     assert_agreement(&[("u_room", &SMALL_SCENE)], Quality::default());
 }

@@ -14,6 +14,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::RenderDevice;
 use bevy_bounce::{GiIsolate, gpu_memory};
+use bevy_bounce_examples::scenes::Builder;
 use bevy_bounce_tests::picture::Picture;
 use bevy_bounce_tests::stage::{SMALL, Stage, illumination, run};
 use fastrand::Rng;
@@ -26,7 +27,7 @@ const LOOK: usize = 10;
 /// Most that the plugins may hold, bytes: what the settings that are drawn from can ask for, and room.
 const MOST_BYTES: u64 = 512 << 20;
 
-/// A world and what is known of it.
+/// A world and what is known of it: a lit floor, a block and a camera that stay, and what comes and goes.
 struct Soak {
     stage: Stage,
     random: Rng,
@@ -58,9 +59,13 @@ impl Drop for Soak {
 impl Soak {
     fn new(seed: u64) -> Self {
         let mut stage = Stage::with_run(run(SIZE, Some(illumination(SMALL))), |app| {
-            app.add_systems(Startup, |mut commands: Commands| {
+            app.add_systems(Startup, |mut build: Builder| {
+                let paint = build.paint([0.7; 3]);
+                build.panel(Vec3::new(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, &paint);
+                build.block(Vec3::NEG_X, Vec3::ONE, 0.4, &paint);
+                build.commands.spawn((PointLight::default(), Transform::from_xyz(1.0, 2.0, 1.0)));
                 let place = Transform::from_xyz(0.0, 2.0, 6.0).looking_at(Vec3::Y, Vec3::Y);
-                commands.spawn((Camera3d::default(), Exposure { ev100: 8.0 }, place));
+                build.commands.spawn((Camera3d::default(), Exposure { ev100: 8.0 }, place));
             });
         });
         let main = stage.only::<Camera3d>();
@@ -102,7 +107,7 @@ impl Soak {
         }
     }
 
-    /// Nothing is left but the first camera.
+    /// Nothing is left but what was there at first.
     fn despawn_all(&mut self) {
         let gone: Vec<Entity> =
             self.meshes.drain(..).chain(self.lights.drain(..)).chain(self.cameras.drain(..)).collect();
