@@ -6,7 +6,7 @@ use std::time::Duration;
 use bevy::camera::Exposure;
 use bevy::prelude::*;
 use bevy_bounce::{
-    GiIsolate, GiLight, GiSettings, GlobalIllumination, Resolution, Technique, VoxelizedMesh, VplVisibility,
+    GiIsolate, GiLight, GiSettings, GlobalIllumination, Quality, Resolution, Technique, VoxelizedMesh, VplVisibility,
 };
 use bevy_bounce_examples::Run;
 use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
@@ -257,7 +257,7 @@ fn bad_input_gives_a_sane_picture() {
 /// Two rooms that share a wall of 10 cm in a scene of 8 m, light in one and none in the other: percents of the light that are in
 /// the dark one, by what lights see.
 fn leaks<const N: usize>(visibilities: [VplVisibility; N]) -> [f64; N] {
-    let fine = GiSettings { grid: 64, vpls: 1024, ..SMALL };
+    let fine = GiSettings { history: 0, probes: 0, ..Quality::default().settings() };
     let mut stage = Stage::new(SIZE, fine, |app| {
         app.add_systems(Startup, |mut build: Builder| {
             let white = build.paint([0.7; 3]);
