@@ -2,6 +2,7 @@
 //! software adapters keep the memory of every shader they compiled, and a process may have only so many pieces of it.
 
 mod agreement;
+mod air;
 mod compose;
 mod deform;
 mod eyes;

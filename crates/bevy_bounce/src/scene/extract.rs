@@ -16,6 +16,7 @@ use bevy::mesh::morph::MeshMorphWeights;
 use bevy::mesh::skinning::SkinnedMesh;
 use bevy::prelude::*;
 use bevy::render::Extract;
+use bevy::render::sync_world::RenderEntity;
 
 use super::VoxelizedMesh;
 use super::materials::Surface;
@@ -31,6 +32,8 @@ pub(super) struct SceneCameras {
     pub layers: RenderLayers,
     /// Exposure of the first by order: display value of 1 cd/m^2.
     pub exposure: f32,
+    /// The first by order, in the render world.
+    pub first: Option<Entity>,
     /// Where they are.
     pub positions: Vec<Vec3A>,
 }
@@ -41,6 +44,7 @@ impl Default for SceneCameras {
             active: false,
             layers: RenderLayers::default(),
             exposure: Exposure::default().exposure(),
+            first: None,
             positions: Vec::new(),
         }
     }
@@ -58,17 +62,22 @@ pub(super) fn forget_changes(mut instances: ResMut<ExtractedInstances>, mut mate
     materials.changed.clear();
 }
 
+type GiCamera = (
+    Entity,
+    Option<RenderEntity>,
+    &'static Camera,
+    &'static GlobalIllumination,
+    &'static GlobalTransform,
+    Option<&'static Exposure>,
+    Option<&'static RenderLayers>,
+);
+
 /// Reads the cameras.
-pub(super) fn extract_cameras(
-    mut extracted: ResMut<SceneCameras>,
-    cameras: Extract<
-        Query<(Entity, &Camera, &GlobalIllumination, &GlobalTransform, Option<&Exposure>, Option<&RenderLayers>)>,
-    >,
-) {
+pub(super) fn extract_cameras(mut extracted: ResMut<SceneCameras>, cameras: Extract<Query<GiCamera>>) {
     let extracted = &mut *extracted;
     extracted.active = false;
     let mut first = None;
-    for (entity, camera, settings, transform, exposure, layers) in &cameras {
+    for (entity, in_render_world, camera, settings, transform, exposure, layers) in &cameras {
         if !camera.is_active || settings.technique == Technique::None {
             continue;
         }
@@ -84,6 +93,7 @@ pub(super) fn extract_cameras(
         let key = (camera.order, spawn_order(entity));
         if first.is_none_or(|first| key < first) {
             first = Some(key);
+            extracted.first = in_render_world;
             let exposure = exposure.copied().unwrap_or_default().exposure();
             if exposure.is_finite() && exposure > 0.0 {
                 extracted.exposure = exposure;

@@ -3,19 +3,23 @@
 //! Bevy lights by rect lights only with its feature `area_light_luts`; without it they do not bounce either. It gives them no shadows;
 //! their bounced light has what it meets first.
 //!
+//! What the air takes from directional lights is in `air`.
+//!
 //! A light takes part while its `InheritedVisibility` is true and a camera with global illumination shares a layer with
 //! it, in view or not. Lights without output, `GiLight::OFF` ones and those with values that are not finite are left out.
 
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
-use bevy::light::{DirectionalLight, PointLight, RectLight, SpotLight};
+use bevy::ecs::query::QueryData;
+use bevy::light::{DirectionalLight, PointLight, RectLight, SpotLight, SunDisk};
 use bevy::pbr::{MeshPipelineKey, MeshPipelineViewLayoutKey};
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPOT, Light};
 
 use super::GiLight;
+use super::air::AirOfScene;
 use super::extract::{SceneCameras, spawn_order};
 use super::regions::Regions;
 use super::table::GpuTable;
@@ -28,6 +32,8 @@ const LUMINANCE: Vec3 = Vec3::new(0.2126, 0.7152, 0.0722);
 struct ExtractedLight {
     light: Light,
     share: f32,
+    /// Of a directional light: how wide its sun is, radians.
+    diameter: f32,
 }
 
 /// The lights of this frame, in the order of their entities.
@@ -39,13 +45,15 @@ pub(super) struct ExtractedLights {
 type Common =
     (&'static GlobalTransform, &'static InheritedVisibility, Option<&'static GiLight>, Option<&'static RenderLayers>);
 
+type CommonItem<'w, 's> = <Common as QueryData>::Item<'w, 's>;
+
 /// Reads all lights; they are few.
 pub(super) fn extract_lights(
     mut extracted: ResMut<ExtractedLights>,
     cameras: Res<SceneCameras>,
     points: Extract<Query<(Entity, &PointLight, Common)>>,
     spots: Extract<Query<(Entity, &SpotLight, Common)>>,
-    directionals: Extract<Query<(Entity, &DirectionalLight, Common)>>,
+    directionals: Extract<Query<(Entity, &DirectionalLight, Option<&SunDisk>, Common)>>,
     rects: Extract<Query<(Entity, &RectLight, Common)>>,
 ) {
     let lights = &mut extracted.lights;
@@ -53,27 +61,27 @@ pub(super) fn extract_lights(
     if !cameras.active {
         return;
     }
-    let mut add = |entity: Entity, common: <Common as bevy::ecs::query::QueryData>::Item<'_, '_>, light: Light| {
+    let mut add = |entity: Entity, common: CommonItem<'_, '_>, light: Light, diameter: f32| {
         let (transform, visibility, gi, layers) = common;
         if !visibility.get() || !cameras.layers.intersects(layers.unwrap_or_default()) {
             return;
         }
         if let Some(light) = placed(light, transform, gi.copied().unwrap_or_default()) {
-            lights.push((entity, light));
+            lights.push((entity, ExtractedLight { diameter, ..light }));
         }
     };
     for (entity, light, common) in &points {
-        add(entity, common, point_light(light));
+        add(entity, common, point_light(light), 0.0);
     }
     for (entity, light, common) in &spots {
-        add(entity, common, spot_light(light));
+        add(entity, common, spot_light(light), 0.0);
     }
-    for (entity, light, common) in &directionals {
-        add(entity, common, directional_light(light));
+    for (entity, light, disk, common) in &directionals {
+        add(entity, common, directional_light(light), disk.unwrap_or_default().angular_size);
     }
     if bevy_has_rect_lights() {
         for (entity, light, common) in &rects {
-            add(entity, common, rect_light(light, common.0));
+            add(entity, common, rect_light(light, common.0), 0.0);
         }
     }
     lights.sort_by_key(|(entity, _)| spawn_order(*entity));
@@ -152,7 +160,7 @@ fn placed(mut light: Light, transform: &GlobalTransform, gi: GiLight) -> Option<
     let cone = light.spot_scale.is_finite() && light.spot_offset.is_finite();
     let area = light.side.is_finite() && light.half_height.is_finite();
     let weighted = gi.share.is_finite() && gi.share > 0.0 && gi.bounces > 0;
-    (shines && placed && cone && area && weighted).then_some(ExtractedLight { light, share: gi.share })
+    (shines && placed && cone && area && weighted).then_some(ExtractedLight { light, share: gi.share, diameter: 0.0 })
 }
 
 /// Luminous flux by which paths are shared out, lumens: all of a point light's, a spot's within its cone as if it did not
@@ -187,18 +195,28 @@ impl Default for Lights {
     }
 }
 
-/// Sums the powers up.
-pub(super) fn update_lights(mut lights: ResMut<Lights>, extracted: Res<ExtractedLights>, regions: Res<Regions>) {
+/// Sums up the powers of what the air lets through.
+pub(super) fn update_lights(
+    mut lights: ResMut<Lights>,
+    extracted: Res<ExtractedLights>,
+    regions: Res<Regions>,
+    air: AirOfScene,
+) {
     let mut sum = 0.0;
     let lights = &mut *lights;
+    let air = air.find();
     lights.table.replace(extracted.lights.iter().filter_map(|(_, extracted)| {
-        let weight = power(&extracted.light, &regions) * extracted.share;
+        let mut light = extracted.light;
+        if let Some(air) = air.as_ref().filter(|_| light.kind == LIGHT_DIRECTIONAL) {
+            light.color *= air.lets_through(-light.direction, extracted.diameter);
+        }
+        let weight = power(&light, &regions) * extracted.share;
         let next = sum + weight;
         if !(next.is_finite() && next > sum) {
             return None;
         }
         sum = next;
-        Some(Light { cumulative_power: sum, ..extracted.light })
+        Some(Light { cumulative_power: sum, ..light })
     }));
     lights.power = sum;
 }

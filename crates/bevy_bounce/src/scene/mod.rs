@@ -12,6 +12,7 @@
 //! | `instances` | all of the above | instances, chunks, bounds |
 //! | `groups` | rigid groups of instances | which voxel grids of their own they have, where these stand |
 //! | `deform` | skins and morph weights | poses, room for deformed vertices |
+//! | `air` | Bevy's atmosphere | what it takes from directional lights |
 //! | `lights` | Bevy's lights, bounds | lights and their powers |
 //! | `sky` | the cube map that lights a camera | directional lights that stand for it, on the GPU |
 //! | `prepare` | the tables | buffers, uploads of what changed |
@@ -19,6 +20,7 @@
 //!
 //! What takes part is said in `instances`, `materials` and `lights`.
 
+mod air;
 mod allocator;
 mod bounds;
 mod deform;

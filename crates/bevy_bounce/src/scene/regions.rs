@@ -57,6 +57,12 @@ impl Regions {
         Self { boxes: vec![Bounds { min, max }] }
     }
 
+    /// Middle of the innermost box; of a scene without anything in it, the world's origin.
+    pub fn center(&self) -> Vec3 {
+        let inner = self.boxes.first().filter(|inner| !inner.is_empty());
+        inner.map_or(Vec3::ZERO, |inner| 0.5 * (inner.min + inner.max))
+    }
+
     /// From the innermost to the whole scene.
     pub fn boxes(&self) -> &[Bounds] {
         &self.boxes
