@@ -206,7 +206,7 @@ enum Divided {
 
 /// Whether a square of a checker is there.
 fn is_there(x: u32, y: u32) -> bool {
-    (x + y) % 2 == 0
+    (x + y).is_multiple_of(2)
 }
 
 /// A wall across the room, seen from both sides, of that albedo.
