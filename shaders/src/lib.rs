@@ -64,6 +64,7 @@ shaders! {
     "vpl/bound.wgsl" => [],
     "shadow_atlas/types.wgsl" => [],
     "shadow_atlas/tile.wgsl" => [],
+    "shadow_atlas/masks.wgsl" => [],
     "shadow_atlas/lookup.wgsl" => [],
     "shadow_atlas/occluders.wgsl" => ["place_occluders"],
     "shadow_atlas/rasterize.wgsl" => ["rasterize"],

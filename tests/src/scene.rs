@@ -3,12 +3,14 @@
 use bevy::math::{Affine3A, UVec3, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
     BRICK_WORDS, CHUNK_TRIANGLES, Cell, Chunk, Emitter, FURTHER_LEVELS, Grid, GridLevel, Instance, Light,
-    MEETING_WORDS, Material, NONE, OccluderChunk, REGIONS, Region, Scene, VERTEX_WORDS, VoxelGroup, VoxelGroups,
+    MEETING_WORDS, Material, NONE, OccluderChunk, REGIONS, Region, Scene, THUMBNAIL_SIZE, VERTEX_WORDS, VoxelGroup,
+    VoxelGroups,
 };
 use half::f16;
 
 use crate::compose::compose;
 use crate::gpu::{Gpu, Kernel, Resources};
+use crate::twins::grid::SUM_WORDS;
 use crate::twins::voxels::Triangle;
 
 /// Meshes, materials and lights as in `shared/scene.wgsl`.
@@ -20,6 +22,8 @@ pub struct TestScene {
     pub instances: Vec<Instance>,
     /// Materials.
     pub materials: Vec<Material>,
+    /// 256 words each: see `scene/thumbnail.wgsl`.
+    pub thumbnails: Vec<u32>,
     /// Lights; their running sum of power is computed when they are bound.
     pub lights: Vec<Light>,
     /// Boxes round a camera, from the innermost; the whole scene follows them.
@@ -53,6 +57,15 @@ impl TestScene {
     /// One material and no meshes.
     pub fn new(albedo: Vec3) -> Self {
         Self { materials: vec![matte(albedo)], ..Default::default() }
+    }
+
+    /// Adds a masked, white material, of which as much is there as asked at each texel of its thumbnail; returns its index.
+    pub fn masked(&mut self, share: impl Fn(u32, u32) -> f32) -> u32 {
+        let albedo_thumbnail = self.thumbnails.len() as u32;
+        let texels = (0..THUMBNAIL_SIZE * THUMBNAIL_SIZE).map(|i| share(i % THUMBNAIL_SIZE, i / THUMBNAIL_SIZE));
+        self.thumbnails.extend(texels.map(|share| ((share * 255.0).round() as u32) << 24 | 0x00ff_ffff));
+        self.materials.push(Material { albedo_thumbnail, alpha_cutoff: 0.5, ..matte(Vec3::ONE) });
+        self.materials.len() as u32 - 1
     }
 
     /// Adds a mesh; returns its instance.
@@ -167,7 +180,7 @@ impl TestScene {
             .words("geometry", &self.geometry)
             .structs("instances", &at_least_one(self.instances.clone()))
             .structs("materials", &at_least_one(self.materials.clone()))
-            .zeroed("thumbnails", 4)
+            .words("thumbnails", &at_least_one(self.thumbnails.clone()))
             .structs("chunks", &at_least_one(chunks))
             .structs("emissive_chunks", &at_least_one(emissive))
             .structs("lights", &at_least_one(lights))
@@ -265,7 +278,7 @@ pub fn voxelize(gpu: &Gpu, scene: &TestScene, grid: &Grid, queue_entries: Option
         .zeroed("voxels", voxels)
         .zeroed("blocks", blocks)
         .zeroed("counters", 4)
-        .zeroed("sums", grid.cell_capacity as usize * 16)
+        .zeroed("sums", grid.cell_capacity as usize * SUM_WORDS)
         .structs("cells", &vec![Cell::default(); grid.cell_capacity as usize])
         .zeroed("occupied", leap_count(grid))
         .zeroed("along_x", leap_count(grid))

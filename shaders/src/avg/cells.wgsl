@@ -4,8 +4,8 @@
 
 #import bevy_bounce::shared::groups::{folded_index, exclusive_scan, scan_total}
 #import bevy_bounce::shared::grid::{
-    Grid, Cell, voxel_count, voxel_facings, pack_bounds, CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, COUNTER_CELLS,
-    COUNTER_OVERFLOW, COUNTER_AREA, COUNTER_AREA_STEPS, COUNTER_FINEST,
+    Grid, Cell, voxel_count, voxel_facings, facing_of, pack_bounds, CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, SUM_MASKED,
+    COUNTER_CELLS, COUNTER_OVERFLOW, COUNTER_AREA, COUNTER_AREA_STEPS, COUNTER_FINEST,
 }
 #import bevy_bounce::shared::octahedral::encode_unit
 
@@ -90,6 +90,18 @@ fn assign_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     }
 }
 
+// Share of the rays through a cell's bounds that its surfaces stop. What has holes stops as many as it has area for across the facing's
+// axis, as if no part of it were behind another; anything else stops all.
+fn cover_of(sum: u32, normal: vec3<f32>, size: vec3<f32>) -> f32 {
+    if sums[sum + SUM_MASKED] < sums[sum] {
+        return 1.0;
+    }
+    let axis = facing_of(normal) / 2u;
+    let area = f32(sums[sum]) / AREA_ONE * abs(normal)[axis];
+    let face = (size.yzx * size.zxy)[axis];
+    return clamp(area / max(face, 1.0 / AREA_ONE), 1.0 / 255.0, 1.0);
+}
+
 @compute @workgroup_size(64)
 fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let cell = folded_index(group) * 64u + lane;
@@ -104,7 +116,6 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         let albedo = vec3<f32>(vec3<i32>(sums[o + 1u], sums[o + 2u], sums[o + 3u])) * inv;
         let normal = normalize(vec3<f32>(vec3<i32>(sums[o + 4u], sums[o + 5u], sums[o + 6u])) + vec3<f32>(0.0, 1e-3, 0.0));
         let position = vec3<f32>(vec3<i32>(sums[o + 7u], sums[o + 8u], sums[o + 9u])) * inv;
-        mean.albedo = pack4x8unorm(vec4<f32>(albedo, 1.0));
         mean.normal = encode_unit(normal);
         let area = f32(weight) / AREA_ONE;
         // The smallest half float above 0 stands for what is only touched.
@@ -112,6 +123,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         let low = 1.0 - vec3<f32>(vec3<i32>(sums[o + 10u], sums[o + 11u], sums[o + 12u])) / BOUND_ONE;
         let high = vec3<f32>(vec3<i32>(sums[o + 13u], sums[o + 14u], sums[o + 15u])) / BOUND_ONE;
         mean.bounds = pack_bounds(low, high);
+        mean.albedo = pack4x8unorm(vec4<f32>(albedo, cover_of(o, normal, high - low)));
         if cell < atomicLoad(&counters[COUNTER_FINEST]) {
             atomicAdd(&counters[COUNTER_AREA], u32(round(area * COUNTER_AREA_STEPS)));
         }

@@ -1,10 +1,12 @@
 // Points spread over the surfaces, as they stand in the world this frame: each keeps its triangle and its place in it, but for
-// half its disc's radius, so that discs reach beyond the triangle's edges as often as they fall short of these.
+// half its disc's radius, so that discs reach beyond the triangle's edges as often as they fall short of these. Of masked surfaces as many
+// are there as the share of the surface around them; discs cover more than that, for they overlap.
 //
 // Cost: a thread a point, about 130 operations.
 
 #import bevy_bounce::shared::octahedral::encode_unit
-#import bevy_bounce::shared::triangles::{Triangle, load_corners, surface_albedo, is_masked_out}
+#import bevy_bounce::shared::sampling::{hash, unit_float}
+#import bevy_bounce::shared::triangles::{Triangle, load_corners, surface_cover}
 #import bevy_bounce::shadow_atlas::tile::AtlasParameters
 #import bevy_bounce::shadow_atlas::types::{SurfacePoint, WorldPoint, POINT_NONE, disc_radius}
 
@@ -32,7 +34,7 @@ fn place_points(@builtin(global_invocation_id) id: vec3<u32>) {
     let even = t.a + (t.b - t.a) * where_on.x + (t.c - t.a) * where_on.y;
     let position = inset(t, even, 0.5 * disc_radius(parameters.point_area));
     var normal = POINT_NONE;
-    if t.valid && !is_masked_out(t, surface_albedo(t, position).a) {
+    if t.valid && surface_cover(t, position) > unit_float(hash(id.x)) {
         // The lowest bit says whether both sides count.
         normal = (encode_unit(t.normal) & ~1u) | select(0u, 1u, t.two_sided);
     }

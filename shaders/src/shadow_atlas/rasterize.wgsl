@@ -8,16 +8,24 @@
 // With `BAKED` a light that is on a baked object knows from its bake what it sees of that: its tile is there, and the object's triangles are
 // left out.
 //
-// Cost: a light and triangle about 200 operations, a texel in the triangle's box about 20.
+// Masked triangles leave texels out where they have holes: see `masks.wgsl`.
+//
+// Cost: a light and triangle about 200 operations, a texel in the triangle's box about 20; within a triangle a comparison, and where that is
+// masked some 60 operations.
 
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::Grid
 #import bevy_bounce::shadow_atlas::tile::{
-    AtlasParameters, TILE_EMPTY, OWN_PLANE, SAME_FACING, tile_frame, to_tile, from_tile, tile_words, pack_texel, error_of,
+    AtlasParameters, TILE_EMPTY, OWN_PLANE, SAME_FACING, ERROR_STEPS, tile_frame, to_tile, from_tile, tile_words, pack_texel,
+    error_of,
 }
-#import bevy_bounce::shadow_atlas::types::{Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT}
+#import bevy_bounce::shadow_atlas::masks::{Cover, part_at, is_there}
+#import bevy_bounce::shadow_atlas::types::{
+    Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT, OCCLUDER_MOST_SHIFT, OCCLUDER_NAME_SHIFT,
+}
+#import bevy_bounce::shared::sampling::hash
 #import bevy_bounce::shared::scene::NONE
-#import bevy_bounce::vpl::types::{Vpl, VplHeader}
+#import bevy_bounce::vpl::types::{Vpl, VplHeader, MET}
 
 @group(0) @binding(0) var<uniform> parameters: AtlasParameters;
 @group(0) @binding(1) var<uniform> grid: Grid;
@@ -39,8 +47,13 @@ const INLINE_TEXELS: u32 = 8u;
 // d / dot(plane, d).
 struct Seen {
     edge_a: vec3<f32>,
+    // See `Cover`; nothing where there are no holes.
+    most: u32,
     edge_b: vec3<f32>,
+    cover: u32,
     edge_c: vec3<f32>,
+    // Of triangle and light.
+    name: u32,
     plane: vec3<f32>,
     error: u32,
     // First and last texel; none where the last is before the first.
@@ -110,7 +123,7 @@ fn nothing_seen() -> Seen {
     return seen;
 }
 
-fn project(occluder: Occluder, eye: vec3<f32>, frame: mat3x3<f32>) -> Seen {
+fn project(occluder: Occluder, eye: vec3<f32>, frame: mat3x3<f32>, light_name: u32) -> Seen {
     let a = (occluder.a - eye) * frame;
     let b = (occluder.b - eye) * frame;
     let c = (occluder.c - eye) * frame;
@@ -121,7 +134,7 @@ fn project(occluder: Occluder, eye: vec3<f32>, frame: mat3x3<f32>) -> Seen {
     let area = length(normal);
     // Six times the volume with the light; negative where it is on the side that casts.
     let volume = dot(a, normal);
-    let error = occluder.flags >> OCCLUDER_ERROR_SHIFT;
+    let error = (occluder.flags >> OCCLUDER_ERROR_SHIFT) & ERROR_STEPS;
     let own_plane = max(OWN_PLANE * grid.voxel_size, error_of(error, parameters.error));
     let is_own = abs(volume) <= own_plane * area && abs(normal.z) > SAME_FACING * area;
     if volume == 0.0 || is_own || (volume > 0.0 && (occluder.flags & OCCLUDER_TWO_SIDED) == 0u) {
@@ -134,14 +147,28 @@ fn project(occluder: Occluder, eye: vec3<f32>, frame: mat3x3<f32>) -> Seen {
     seen.edge_c = cross(c, a) * side;
     seen.plane = normal / volume;
     seen.error = error;
+    seen.most = (occluder.flags >> OCCLUDER_MOST_SHIFT) & 255u;
+    seen.cover = occluder.cover;
+    seen.name = (occluder.flags >> OCCLUDER_NAME_SHIFT) ^ light_name;
     texel_box(&seen, a, b, c);
     return seen;
+}
+
+// Whether a triangle has a hole where a direction within it meets it, as that texel sees it.
+fn is_hole(seen: Seen, direction: vec3<f32>, texel: i32) -> bool {
+    // Of the corners, but for a factor: parts of the volume with the light.
+    let weights = vec3<f32>(dot(seen.edge_b, direction), dot(seen.edge_c, direction), dot(seen.edge_a, direction));
+    let part = part_at(weights.yz / max(weights.x + weights.y + weights.z, 1e-30));
+    return !is_there(Cover(seen.most, seen.cover), part, hash(hash(seen.name) ^ u32(texel)));
 }
 
 fn fill(seen: Seen, texel: vec2<i32>) {
     let edge = i32(parameters.tile);
     let direction = from_tile((vec2<f32>(texel) + 0.5) / f32(edge));
     if is_inside(seen, direction) {
+        if seen.most != 0u && is_hole(seen, direction, texel.y * edge + texel.x) {
+            return;
+        }
         let depth = length(direction) / dot(seen.plane, direction);
         let word = pack_texel(depth, seen.error, -normalize(seen.plane), parameters.far);
         atomicMin(&nearest[texel.y * edge + texel.x], word);
@@ -181,13 +208,15 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     let eye = vpl.position;
     let frame = tile_frame(vpl.normal);
     let known = known_object(light);
+    // That of the vertex of the path, wherever in the list the light is.
+    let light_name = hash(hash(vpl.path) ^ (vpl.bounce_met & ~MET));
 
     for (var first = 0u; first < parameters.occluder_count; first += GROUP) {
         if first + lane < parameters.occluder_count {
             let occluder = occluders[first + lane];
             var seen = nothing_seen();
             if known == NONE || occluder.object != known {
-                seen = project(occluder, eye, frame);
+                seen = project(occluder, eye, frame, light_name);
             }
             let size = seen.high - seen.low + 1;
             if size.x > 0 && size.y > 0 {

@@ -4,8 +4,12 @@
 
 /// Casts from both sides.
 const OCCLUDER_TWO_SIDED: u32 = 1u;
-/// Above it, the error of [`OccluderChunk`].
+/// Above it, the error of [`OccluderChunk`], 2 bits.
 const OCCLUDER_ERROR_SHIFT: u32 = 1u;
+/// Above that, of triangles with holes the share of the part of which most is there, 8 bits.
+const OCCLUDER_MOST_SHIFT: u32 = 3u;
+/// Above that, bits that are the triangle's own, whatever else there is.
+const OCCLUDER_NAME_SHIFT: u32 = 11u;
 
 // World space, counter-clockwise as seen from the side that casts; all corners the same where there is nothing.
 struct Occluder {
@@ -15,7 +19,8 @@ struct Occluder {
     // The baked object that it is part of, or NONE; nothing where no bakes are asked.
     object: u32,
     c: vec3<f32>,
-    padding_c: u32,
+    // How much of each of its 16 parts is there where it has holes: see `masks.wgsl`.
+    cover: u32,
 }
 
 // Up to 64 triangles of one mesh.

@@ -47,8 +47,9 @@ const LEAP_BLOCK: u32 = 2u;
 /// Fixed point: one voxel face of area.
 const AREA_ONE: f32 = 65536.0;
 /// Words of a cell's sums: area, albedo, normal, position from the voxel's centre, each times area; then the bounds of the
-/// surfaces as maxima, of 0.5 + position and of 0.5 - position, so that zero is empty.
-const SUM_WORDS: u32 = 16u;
+/// surfaces as maxima, of 0.5 + position and of 0.5 - position, so that zero is empty; the area of what has holes.
+const SUM_WORDS: u32 = 17u;
+const SUM_MASKED: u32 = 16u;
 /// Fixed point: a voxel's edge in the bounds.
 const BOUND_ONE: f32 = 65536.0;
 /// Steps of a bound in a cell.
@@ -201,6 +202,11 @@ fn bounds_high(bounds: u32) -> vec3<f32> {
 /// Signed distance of the mean plane from the voxel's centre along the normal, in voxels.
 fn cell_plane(cell: Cell) -> f32 {
     return unpack2x16float(cell.plane_area).x;
+}
+
+/// Share of the rays through its bounds that a cell stops, in 255ths: all, but for masked surfaces.
+fn cell_cover(cell: Cell) -> u32 {
+    return cell.albedo >> 24u;
 }
 
 /// Surface area, voxel faces; 0 for a cell that nothing is in.

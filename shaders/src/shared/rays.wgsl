@@ -5,6 +5,9 @@
 // their voxels begin, and a surface never blocks a ray that leaves it. As in Bevy's shadow maps, a one-sided surface lets
 // pass what comes from behind.
 //
+// What is masked stops the share of the rays that its cell says: in each of `MASK_PLACES`^3 places of a voxel all or none of them, by
+// a hash of the place, so that holes stay where they are. Stochastic transparency, Enderton, Sintorn, Shirley and Luebke 2010.
+//
 // Groups of meshes with a grid of their own are met in it, whatever way they are turned, and the nearest hit of all grids counts.
 //
 // All lengths are in voxels of the finest grid; what is left out near a ray's ends is in voxels of the grid that the ray is in.
@@ -15,10 +18,11 @@
 #define_import_path bevy_bounce::shared::rays
 
 #import bevy_bounce::shared::grid::{
-    Grid, GridLevel, Cell, grid_level, to_level, voxel_index, voxel_facings, voxel_distance, cell_plane, cell_area, bounds_low,
-    bounds_high, CELL_MASK, LEAP_BLOCK,
+    Grid, GridLevel, Cell, grid_level, to_level, voxel_index, voxel_facings, voxel_distance, cell_plane, cell_area, cell_cover,
+    bounds_low, bounds_high, CELL_MASK, LEAP_BLOCK,
 }
 #import bevy_bounce::shared::octahedral::decode_unit
+#import bevy_bounce::shared::sampling::{hash, unit_float}
 #import bevy_bounce::shared::voxel_groups::{
     VoxelGroup, VoxelGroups, group_level, comes_near, to_group, way_to_group, normal_to_group, normal_from_group,
 }
@@ -37,6 +41,8 @@ const BOUNDS_SLACK: f32 = 0.05;
 const OWN_SURFACE: f32 = 6.0;
 /// Voxels from the plane of such a surface within which the end has to be: what relief there is within a voxel.
 const OWN_RELIEF: f32 = 1.0;
+/// Places along a voxel's edge, in each of which a masked surface is or is not.
+const MASK_PLACES: f32 = 16.0;
 /// Steps before a ray gives up: longer than any path through the grid, whatever rounding does.
 const MAX_STEPS: u32 = 1024u;
 /// Voxels a step goes beyond the boundary it ends at.
@@ -89,6 +95,16 @@ fn is_own_surface(ray: Ray, t: f32, normal: vec3<f32>, height: f32, slope: f32) 
         || (from_end < OWN_SURFACE && abs(end_height) < OWN_RELIEF && dot(normal, ray.end_normal) > 0.5);
 }
 
+// Whether a cell's surface is there at a place, in voxels from the grid's origin.
+fn is_there(cell: Cell, p: vec3<f32>) -> bool {
+    let cover = cell_cover(cell);
+    if cover == 255u {
+        return true;
+    }
+    let place = vec3<u32>(vec3<i32>(floor(p * MASK_PLACES)));
+    return unit_float(hash(place.x ^ hash(place.y ^ hash(place.z)))) * 255.0 < f32(cover);
+}
+
 // The nearest plane met in an occupied voxel between `enter` and `leave`.
 fn hit_voxel(ray: Ray, word: u32, first_cell: u32, voxel: vec3<f32>, enter: f32, leave: f32) -> Hit {
     var nearest = Hit(false, leave, 0u, vec3<f32>(0.0), 0u, 0u);
@@ -109,7 +125,7 @@ fn hit_voxel(ray: Ray, word: u32, first_cell: u32, voxel: vec3<f32>, enter: f32,
         let t = clamp(-height / slope, enter, leave);
         let p = from_center + ray.direction * t + 0.5;
         let within = all(p >= bounds_low(cell.bounds) - BOUNDS_SLACK) && all(p <= bounds_high(cell.bounds) + BOUNDS_SLACK);
-        if within && t <= nearest.t && !is_own_surface(ray, t, normal, height, slope) {
+        if within && t <= nearest.t && !is_own_surface(ray, t, normal, height, slope) && is_there(cell, voxel + p) {
             nearest = Hit(true, t, first + i, normal, 0u, 0u);
         }
     }

@@ -121,26 +121,49 @@ fn triangle_color(t: Triangle, p: vec3<f32>) -> vec4<f32> {
     return unpack_color(t.colors.x) * weights.x + unpack_color(t.colors.y) * weights.y + unpack_color(t.colors.z) * weights.z;
 }
 
-// Colour (linear) and alpha of a thumbnail at a UV.
+// Colour (linear) of a thumbnail at a UV; alpha, or of a masked surface the share that is there.
 fn thumbnail_color(material: Material, thumbnail: u32, uv: vec2<f32>) -> vec4<f32> {
     return unpack_color(thumbnails[thumbnail + thumbnail_texel(material_uv(material, uv))]);
 }
 
-/// Linear albedo and alpha of the surface at a point of it; what it reflects before that is part of it.
-fn surface_albedo(t: Triangle, p: vec3<f32>) -> vec4<f32> {
+/// Linear albedo of the surface at a point of it; what it reflects before that is part of it.
+fn surface_albedo(t: Triangle, p: vec3<f32>) -> vec3<f32> {
+    if t.albedo_override != 0u {
+        return unpack4x8unorm(t.albedo_override).rgb;
+    }
     let material = materials[t.material];
-    var albedo = material.albedo;
+    var albedo = material.albedo.rgb;
     if material.albedo_thumbnail != NONE {
-        albedo *= thumbnail_color(material, material.albedo_thumbnail, triangle_uv(t, p));
+        albedo *= thumbnail_color(material, material.albedo_thumbnail, triangle_uv(t, p)).rgb;
     }
     if t.has_colors {
-        albedo *= triangle_color(t, p);
+        albedo *= triangle_color(t, p).rgb;
     }
-    albedo = vec4<f32>(with_surface_reflection(albedo.rgb, material.specular), albedo.a);
-    if t.albedo_override != 0u {
-        albedo = vec4<f32>(unpack4x8unorm(t.albedo_override).rgb, 1.0);
+    return clamp(with_surface_reflection(albedo, material.specular), vec3<f32>(0.0), vec3<f32>(1.0));
+}
+
+/// Share of the surface that is there around a point of it: what the holes of a masked one leave.
+fn surface_cover(t: Triangle, p: vec3<f32>) -> f32 {
+    let material = materials[t.material];
+    if material.alpha_cutoff <= 0.0 {
+        return 1.0;
     }
-    return clamp(albedo, vec4<f32>(0.0), vec4<f32>(1.0));
+    var alpha = material.albedo.a;
+    if t.has_colors {
+        alpha *= triangle_color(t, p).a;
+    }
+    if alpha < material.alpha_cutoff {
+        return 0.0;
+    }
+    if material.albedo_thumbnail == NONE {
+        return 1.0;
+    }
+    return thumbnail_color(material, material.albedo_thumbnail, triangle_uv(t, p)).a;
+}
+
+/// Whether the surface may have holes.
+fn is_masked(t: Triangle) -> bool {
+    return materials[t.material].alpha_cutoff > 0.0;
 }
 
 /// Radiance that the surface emits at a point of it, cd/m^2.
@@ -151,9 +174,4 @@ fn surface_emission(t: Triangle, p: vec3<f32>) -> vec3<f32> {
         emission *= thumbnail_color(material, material.emissive_thumbnail, triangle_uv(t, p)).rgb;
     }
     return emission;
-}
-
-/// A masked surface is there where its mean alpha reaches half of what the mask asks.
-fn is_masked_out(t: Triangle, alpha: f32) -> bool {
-    return alpha < materials[t.material].alpha_cutoff * 0.5;
 }

@@ -67,7 +67,8 @@ pub struct Material {
     pub albedo: Vec4,
     /// Emitted radiance, cd/m^2, multiplies the emissive thumbnail.
     pub emissive: Vec3,
-    /// Alpha below which a masked surface is not there; 0 for an opaque one.
+    /// Alpha below which a masked surface is not there; 0 for an opaque one. The thumbnail of a masked one has the share that is there
+    /// instead of alpha.
     pub alpha_cutoff: f32,
     /// UV transform, rows: u' = dot(x.xy, uv) + x.z.
     pub uv_x: Vec4,
@@ -233,8 +234,8 @@ pub struct DeformChunk {
 pub struct ThumbnailJob {
     /// First word of the thumbnail.
     pub offset: u32,
-    /// 1 where colours count by their alpha.
-    pub masked: u32,
+    /// Alpha, in 255ths, from which a texel of a masked texture is there; 0 where it is not masked.
+    pub cutoff: u32,
     /// Mip levels of the texture.
     pub mip_levels: u32,
     /// Makes it 16 bytes.

@@ -11,7 +11,8 @@ pub const OCCLUDER_TWO_SIDED: u32 = 1;
 pub struct Occluder {
     /// First corner, world space; counter-clockwise as seen from the side that casts.
     pub a: Vec3,
-    /// `OCCLUDER_*`.
+    /// [`OCCLUDER_TWO_SIDED`]; above it, 2 bits of [`OccluderChunk::error`]; 8 bits of the largest share of any part of it that is there, in 255ths,
+    /// 0 where all of it is; 21 bits that are the triangle's own.
     pub flags: u32,
     /// Second corner.
     pub b: Vec3,
@@ -19,8 +20,8 @@ pub struct Occluder {
     pub object: u32,
     /// Third corner.
     pub c: Vec3,
-    /// Keeps rows of 16 bytes.
-    pub padding_c: u32,
+    /// How much of each of its 16 parts is there where it has holes, in thirds of that share, 2 bits each.
+    pub cover: u32,
 }
 
 /// Up to [`CHUNK_TRIANGLES`](super::CHUNK_TRIANGLES) occluders of one mesh.

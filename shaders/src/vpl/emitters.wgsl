@@ -5,7 +5,7 @@
 
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::scene::{Chunk, Scene, importance, CHUNK_TRIANGLES}
-#import bevy_bounce::shared::triangles::{load_triangle, surface_emission}
+#import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_emission, surface_cover}
 #import bevy_bounce::vpl::types::{Emitter, VplParameters, luminance}
 #import bevy_bounce::shared::sampling::PI
 
@@ -16,6 +16,11 @@
 const GROUP: u32 = 256u;
 
 var<workgroup> scratch: array<f32, 256>;
+
+// Radiance around a point of a surface, holes included.
+fn emitted(t: Triangle, p: vec3<f32>) -> vec3<f32> {
+    return surface_emission(t, p) * surface_cover(t, p);
+}
 
 @compute @workgroup_size(64)
 fn collect(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
@@ -29,9 +34,9 @@ fn collect(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     if t.valid {
         let sides = select(1.0, 2.0, t.two_sided);
         let area = 0.5 * length(cross(t.b - t.a, t.c - t.a));
-        let mean = (surface_emission(t, mix(t.a, (t.b + t.c) * 0.5, 0.33))
-            + surface_emission(t, mix(t.b, (t.a + t.c) * 0.5, 0.33))
-            + surface_emission(t, mix(t.c, (t.a + t.b) * 0.5, 0.33))) / 3.0;
+        let mean = (emitted(t, mix(t.a, (t.b + t.c) * 0.5, 0.33))
+            + emitted(t, mix(t.b, (t.a + t.c) * 0.5, 0.33))
+            + emitted(t, mix(t.c, (t.a + t.b) * 0.5, 0.33))) / 3.0;
         emitter.position = t.a;
         emitter.edge_b = t.b - t.a;
         emitter.edge_c = t.c - t.a;

@@ -10,8 +10,9 @@
 
 #import bevy_bounce::shared::grid::{Grid, GridLevel, BRICK, grid_level, to_level, brick_dims, brick_index}
 #import bevy_bounce::shared::groups::folded_index
+#import bevy_bounce::shared::sampling::{hash, unit_float}
 #import bevy_bounce::shared::scene::{Chunk, Scene}
-#import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_albedo, is_masked_out}
+#import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_cover}
 #import bevy_bounce::vpl::types::{
     Vpl, BRICK_WORDS, BRICK_FIRST, MEETING_WORDS, SETTLE_RANGE, incoming_direction, incoming_reach, pack_meeting,
 }
@@ -70,7 +71,7 @@ fn try_light(light: u32, t: Triangle, box: Box) {
         return;
     }
     let distance = meet(way, t);
-    if distance < 0.0 || is_masked_out(t, surface_albedo(t, way.start + way.direction * distance).a) {
+    if distance < 0.0 || surface_cover(t, way.start + way.direction * distance) <= unit_float(hash(vpls[light].path)) {
         return;
     }
     let normal = t.normal * -sign(dot(t.normal, way.direction));

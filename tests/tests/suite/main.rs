@@ -9,6 +9,7 @@ mod eyes;
 mod guides;
 mod harness;
 mod history;
+mod masks;
 mod materials;
 mod metrics;
 mod nested;

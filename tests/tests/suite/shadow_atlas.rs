@@ -104,12 +104,12 @@ pub fn nearest(scene: &TestScene, origin: Vec3, direction: Vec3, least: f32) -> 
 }
 
 /// Twins of `shadow_atlas/tile.wgsl`.
-fn from_tile(place: Vec2) -> Vec3 {
+pub fn from_tile(place: Vec2) -> Vec3 {
     let w = place * 2.0 - 1.0;
     Vec3::new(w.x + w.y, w.x - w.y, 2.0 - 2.0 * w.abs().max_element()) * 0.5
 }
 
-fn tile_frame(n: Vec3) -> [Vec3; 3] {
+pub fn tile_frame(n: Vec3) -> [Vec3; 3] {
     let s = if n.z >= 0.0 { 1.0 } else { -1.0 };
     let a = -1.0 / (s + n.z);
     let tangent = Vec3::new(1.0 + s * n.x * n.x * a, s * n.x * n.y * a, -s * n.x);

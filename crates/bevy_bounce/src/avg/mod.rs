@@ -10,10 +10,14 @@
 //! | buffer | bytes at 64^3 | holds |
 //! |---|---|---|
 //! | `voxels` | 1 MiB | first cell, facings, distance to the nearest occupied voxel |
-//! | `cells` | 2 MiB | albedo, normal, plane, area, bounds: 16 bytes each, room for one cell per two voxels |
-//! | `sums` | 8 MiB | their fixed-point sums |
+//! | `cells` | 2 MiB | albedo, share of rays that is stopped, normal, plane, area, bounds: 16 bytes each, room for one cell per two voxels |
+//! | `sums` | 8.5 MiB | their fixed-point sums |
 //! | `occupied`, `along_x`, `along_y` | 1.5 MiB | distances in blocks of 2^3 voxels, axis by axis |
 //! | `queue` | 0.8 MiB | bricks of large triangles |
+//!
+//! Of masked surfaces a cell knows how much is there, and lets the rest of the rays pass: as if no two of its surfaces stood behind each
+//! other, so that foliage of which much lies in one voxel stops more than it does in truth. What shares a cell with an opaque surface
+//! stops all.
 //!
 //! A scene wider than twice `GiSettings::range` has up to four such grids, one within the other: those but the last lie around the cameras, and
 //! move by whole bricks of 8^3 voxels. They share all buffers, which are so many times as large; the finest comes first. See `GridLevel`

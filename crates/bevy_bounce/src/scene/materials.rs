@@ -5,10 +5,10 @@
 //!   what dielectrics reflect before light comes to their colour: two to eight percent.
 //! - Blended, additive, multiplied and premultiplied surfaces, and those that transmit specularly (glass), are not there:
 //!   light passes them.
-//! - Masked surfaces are there where the mean alpha of a thumbnail's texel, times that of base and vertex colours, reaches half their cutoff;
-//!   alpha to coverage cuts at 0.5. Voxels, points and virtual lights ask at their own place. In shadow maps of virtual lights
-//!   ([`VplVisibility::Atlas`](crate::VplVisibility::Atlas)) a triangle stands or falls as a whole, by its centre: large masked
-//!   triangles shadow all or nothing there.
+//! - Masked surfaces let through the share of light that their holes do. A texel of their thumbnail has the share of the texture's texels
+//!   whose alpha, times that of the base colour, reaches the cutoff; alpha to coverage cuts at 0.5. Vertices whose alpha, times that of
+//!   the base colour, is below it take away all around them. Shadow maps of virtual lights know the share of each sixteenth of a triangle, cells of
+//!   the voxel grid that of their surfaces; which texels and which places of a voxel are holes is drawn, the same every frame.
 //! - Unlit surfaces are as bright as their base colour whatever shines on them: they neither reflect nor emit, and block where
 //!   they cast shadows.
 //! - Emission is what is seen: Bevy shows it without exposure but for `emissive_exposure_weight`, so that its radiance is
@@ -52,6 +52,11 @@ fn dielectric_albedo(material: &StandardMaterial) -> f32 {
     (f_zero * ggx.x + ggx.y) * (50.0 * f_zero).min(1.0)
 }
 
+/// Alpha of a texture, in 255ths, from which a masked surface is there: times that of the base colour, it reaches the cutoff.
+fn texture_cutoff(cutoff: f32, base_alpha: f32) -> u8 {
+    (cutoff / base_alpha.max(cutoff) * 255.0).ceil().max(1.0) as u8
+}
+
 /// The part of a `StandardMaterial` that counts.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Surface {
@@ -90,14 +95,15 @@ impl Surface {
         let albedo_scale = if material.unlit { 0.0 } else { 1.0 - unit(material.diffuse_transmission) };
         let masked = alpha_cutoff > 0.0;
         let color = material.base_color_texture.as_ref().filter(|_| masked || !material.unlit);
-        let albedo_thumbnail = color.map(|image| ThumbnailKey { image: image.id(), masked });
+        let cutoff = if masked { texture_cutoff(alpha_cutoff, base_color[3]) } else { 0 };
+        let albedo_thumbnail = color.map(|image| ThumbnailKey { image: image.id(), cutoff });
         let emissive = Vec3::from(material.emissive.to_f32_array_no_alpha().map(|x| finite(x).max(0.0)));
         let emissive = if material.unlit { Vec3::ZERO } else { emissive };
         let emissive_thumbnail = material
             .emissive_texture
             .as_ref()
             .filter(|_| emissive != Vec3::ZERO)
-            .map(|image| ThumbnailKey { image: image.id(), masked: false });
+            .map(|image| ThumbnailKey { image: image.id(), cutoff: 0 });
         Self {
             albedo: Vec4::from_array(base_color) * Vec3::splat(albedo_scale).extend(1.0),
             albedo_thumbnail,
@@ -335,6 +341,24 @@ mod tests {
             [AlphaMode::Blend, AlphaMode::Add, AlphaMode::Multiply, AlphaMode::Premultiplied].map(passes) == [true; 4]
         );
         assert!(![AlphaMode::Opaque, AlphaMode::Mask(0.3), AlphaMode::AlphaToCoverage].into_iter().any(passes));
+    }
+
+    #[test]
+    fn a_texture_is_cut_where_it_makes_the_surface_end() {
+        let of = |cutoff, alpha| {
+            let material = StandardMaterial {
+                base_color: Color::linear_rgba(1.0, 1.0, 1.0, alpha),
+                base_color_texture: Some(Handle::default()),
+                alpha_mode: AlphaMode::Mask(cutoff),
+                ..default()
+            };
+            Surface::of(&material).albedo_thumbnail.map(|key| key.cutoff)
+        };
+        assert_eq!(
+            [of(0.5, 1.0), of(0.5, 0.5), of(0.5, 0.1), of(1.0, 1.0)].map(Option::unwrap_or_default),
+            [128, 255, 255, 255]
+        );
+        assert_eq!((of(0.0, 1.0), of(1e-6, 1.0)), (Some(0), Some(1)));
     }
 
     #[test]

@@ -90,5 +90,5 @@ pub(super) fn scene_pass(
 }
 
 fn job_words(job: &ThumbnailJob) -> [u32; 4] {
-    [job.offset, job.masked, job.mip_levels, job.padding]
+    [job.offset, job.cutoff, job.mip_levels, job.padding]
 }

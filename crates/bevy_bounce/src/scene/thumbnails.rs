@@ -1,7 +1,7 @@
 //! Textures as 16x16 means, so that a large textured wall is not one colour.
 //!
 //! A thumbnail is 256 words of one buffer, made on the GPU by `scene/thumbnail.wgsl` when the texture arrives or changes:
-//! base colour, or the emissive texture. Any two-dimensional texture that can be read as floats will do, whatever its
+//! base colour, or the emissive texture. Of masked textures alpha is the share of the texels that are there. Any two-dimensional texture that can be read as floats will do, whatever its
 //! compression. What is above 1 in an emissive texture counts as 1.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -29,8 +29,8 @@ const WORDS: u32 = THUMBNAIL_SIZE * THUMBNAIL_SIZE;
 pub(super) struct ThumbnailKey {
     /// Its colours.
     pub image: AssetId<Image>,
-    /// Colours count by their alpha.
-    pub masked: bool,
+    /// Alpha, in 255ths, from which a texel is there; 0 where all are.
+    pub cutoff: u8,
 }
 
 /// What a material gets for a key.
@@ -214,7 +214,7 @@ pub(super) fn update_thumbnails(
         entry.state = state;
         if readable {
             let mip_levels = image.texture.mip_level_count();
-            let job = ThumbnailJob { offset, masked: u32::from(key.masked), mip_levels, padding: 0 };
+            let job = ThumbnailJob { offset, cutoff: u32::from(key.cutoff), mip_levels, padding: 0 };
             thumbnails.queue.push(QueuedThumbnail { key, job });
         }
     }

@@ -12,6 +12,10 @@
 //! the light and a triangle's edges, so that large triangles stay straight. A point is hidden where it lies behind the plane of
 //! the surface that its texel shows, and that before its own: however coarse texels are, surfaces do not shadow themselves.
 //!
+//! Masked triangles leave out texels, as many as their holes are of them: holes that are a quarter of a triangle's edge or more are where they
+//! are, finer ones anywhere within that. See `shadow_atlas/masks.wgsl`. A masked triangle costs some 4000 operations more a frame, and 60 more a
+//! texel; others a comparison.
+//!
 //! Where visibility is baked, lights on baked objects have these from the bake: the codes of its cube maps are the first layer of their tiles,
 //! and triangles of all else are drawn over it. Ritschel, Grosch, Kautz and Seidel 2008.
 //!
