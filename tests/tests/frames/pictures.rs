@@ -299,7 +299,7 @@ fn a_sealed_room_stays_dark() {
 }
 
 #[test]
-#[ignore = "0.65 % of the light are in the dark room"]
+#[ignore = "1.0 % of the light are in the dark room"]
 fn a_sealed_room_stays_dark_by_maps_of_points() {
     let [ism] = leaks([VplVisibility::Ism]);
     assert!(ism < 0.5, "{ism:.2} % of the light is in the dark room");

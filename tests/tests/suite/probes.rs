@@ -192,7 +192,6 @@ fn what_is_not_in_the_g_buffer_is_lit_like_what_is() {
 
 /// The same with the lights of the default quality.
 #[test]
-#[ignore = "48 of 50 points are within 15 %, where 49 are asked: single lights near a point weigh more than that"]
 fn points_are_lit_alike_by_default() {
     let mut stage = stage(SIZE, medium(), false);
     show(&mut stage, GiIsolate::Indirect);
