@@ -426,11 +426,11 @@ fn corners_are_nearer_to_the_reference() {
     assert!(compensated.low < bounded.low && compensated.nrmse < bounded.nrmse, "{bounded:?}, {compensated:?}");
 }
 
-/// By default, with as many bounces as the reference has and each frame by itself: without compensation and with two.
-fn compensated_by_default() -> Option<[Metrics; 2]> {
+/// With as many bounces as the reference has and each frame by itself: without compensation and with two.
+fn compensated(settings: GiSettings) -> Option<[Metrics; 2]> {
     let by = |iterations| {
         let ssbc = SsbcSettings { iterations, ..default() };
-        GiSettings { bounces: 8, history: 0, ssbc, ..default() }
+        GiSettings { bounces: 8, history: 0, ssbc, ..settings }
     };
     let (mut stage, reference) = corner(by(0))?;
     Some([0, 2].map(|iterations| {
@@ -448,15 +448,19 @@ fn given_back([bounded, compensated]: &[Metrics; 2]) -> f64 {
 
 #[test]
 fn corners_get_back_half_of_what_they_lost() {
-    let Some(metrics) = compensated_by_default() else { return };
+    // Of few lights the bound takes much.
+    let few = GiSettings { vpls: 1024, resolution: Resolution::Full, ..default() };
+    let Some(metrics) = compensated(few) else { return };
     let [bounded, compensated] = metrics;
     assert!(compensated.low < 0.65 * bounded.low && compensated.flip < bounded.flip, "{metrics:?}");
     assert!(given_back(&metrics) > 0.5, "{metrics:?}");
 }
 
 #[test]
-#[ignore = "56 % of the missing energy: of 4.4 % 1.9 are missing still"]
+#[ignore = "63 % of the missing energy: of 2.6 % 1.0 are missing still, as without a bound"]
 fn corners_get_back_most_of_what_they_lost() {
-    let Some(metrics) = compensated_by_default() else { return };
+    let Some(metrics) = compensated(GiSettings::default()) else { return };
+    let [bounded, compensated] = &metrics;
+    assert!(compensated.low < bounded.low, "{metrics:?}");
     assert!(given_back(&metrics) >= 0.7, "{metrics:?}");
 }
