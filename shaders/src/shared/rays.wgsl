@@ -6,7 +6,8 @@
 // pass what comes from behind.
 //
 // What is masked stops the share of the rays that its cell says: in each of `MASK_PLACES`^3 places of a voxel all or none of them, by
-// a hash of the place, so that holes stay where they are. Stochastic transparency, Enderton, Sintorn, Shirley and Luebke 2010.
+// a hash of the place in its grid, so that holes stay where they are for as long as the grid does; those of nested grids move with it.
+// Stochastic transparency, Enderton, Sintorn, Shirley and Luebke 2010.
 //
 // Groups of meshes with a grid of their own are met in it, whatever way they are turned, and the nearest hit of all grids counts.
 //
