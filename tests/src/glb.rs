@@ -1,9 +1,10 @@
-//! Whole glTF scenes in the form that the shaders read: geometry, spot and point lights, the first camera. No textures.
+//! Whole glTF scenes in the form that the shaders read: geometry, lights, the first camera. No textures.
 
 use std::path::Path;
 
 use bevy::math::{Affine3A, Mat4, Vec3};
-use bevy_bounce_shaders::types::{INSTANCE_TWO_SIDED, LIGHT_POINT, LIGHT_SPOT, Light};
+use bevy_bounce_shaders::types::{INSTANCE_TWO_SIDED, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_SPOT, Light};
+use gltf::khr_lights_punctual::Kind;
 
 use crate::scene::{TestScene, matte};
 
@@ -63,21 +64,25 @@ fn add_primitive(scene: &mut TestScene, primitive: &gltf::Primitive, blob: &[u8]
 }
 
 fn light_of(light: &gltf::khr_lights_punctual::Light, transform: Affine3A) -> Light {
-    let candela = Vec3::from(light.color()) * light.intensity();
+    let intensity = Vec3::from(light.color()) * light.intensity();
     let mut found = Light {
         position: transform.translation.into(),
         direction: transform.transform_vector3(Vec3::NEG_Z).normalize(),
-        color: candela,
+        color: intensity,
         kind: LIGHT_POINT,
         cumulative_power: 1.0,
         max_bounces: u32::MAX,
         ..Default::default()
     };
-    if let gltf::khr_lights_punctual::Kind::Spot { inner_cone_angle, outer_cone_angle } = light.kind() {
-        found.kind = LIGHT_SPOT;
-        found.spot_scale = 1.0 / (inner_cone_angle.cos() - outer_cone_angle.cos()).max(1e-4);
-        found.spot_offset = -outer_cone_angle.cos() * found.spot_scale;
-        found.spot_cos_outer = outer_cone_angle.cos();
+    match light.kind() {
+        Kind::Spot { inner_cone_angle, outer_cone_angle } => {
+            found.kind = LIGHT_SPOT;
+            found.spot_scale = 1.0 / (inner_cone_angle.cos() - outer_cone_angle.cos()).max(1e-4);
+            found.spot_offset = -outer_cone_angle.cos() * found.spot_scale;
+            found.spot_cos_outer = outer_cone_angle.cos();
+        }
+        Kind::Directional => found.kind = LIGHT_DIRECTIONAL,
+        Kind::Point => {}
     }
     found
 }

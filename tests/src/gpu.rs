@@ -198,7 +198,7 @@ pub struct Kernel {
 }
 
 /// Buffers and textures by the names that WGSL gives them; several kernels may share them.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Resources {
     gpu: Gpu,
     by_name: BTreeMap<String, Resource>,

@@ -14,7 +14,9 @@
     AtlasParameters, TILE_EMPTY, OWN_PLANE, SAME_FACING, tile_frame, to_tile, texel_direction, tile_words, pack_texel, texel_depth,
     texel_normal,
 }
-#import bevy_bounce::shadow_atlas::types::{WorldPoint, POINT_NONE, POINT_SUBSETS, disc_radius}
+#import bevy_bounce::shadow_atlas::types::{
+    WorldPoint, POINT_NONE, POINT_SUBSETS, POINT_TWO_SIDED, POINT_WIDE, disc_radius,
+}
 #import bevy_bounce::vpl::types::{Vpl, VplHeader}
 
 @group(0) @binding(0) var<uniform> parameters: AtlasParameters;
@@ -51,14 +53,14 @@ fn splat(point: WorldPoint, vpl: Vpl, frame: mat3x3<f32>) {
     let normal = decode_unit(point.normal) * frame;
     // Of the light above the point's plane.
     let height = -dot(normal, to);
-    let is_behind = height <= 0.0 && (point.normal & 1u) == 0u;
+    let is_behind = height <= 0.0 && (point.normal & POINT_TWO_SIDED) == 0u;
     if point.normal == POINT_NONE || to.z <= 0.0 || is_behind || is_own(to, normal, height) {
         return;
     }
     let facing = normal * select(-1.0, 1.0, height > 0.0);
     let edge = f32(parameters.tile);
     let distance = length(to);
-    let radius = disc_radius(parameters.point_area);
+    let radius = disc_radius(parameters.point_area, (point.normal & POINT_WIDE) != 0u);
     let own = vec2<i32>(min(to_tile(to) * edge, vec2<f32>(edge - 1.0)));
     let around = i32(min(WIDEST * radius / distance * edge + 0.5, MAX_SPLAT));
     let low = max(own - around, vec2<i32>(0));

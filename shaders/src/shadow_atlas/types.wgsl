@@ -50,12 +50,21 @@ struct SurfacePoint {
 
 struct WorldPoint {
     position: vec3<f32>,
-    // Octahedral, 2 snorm16; lowest bit: both sides cast.
+    // Octahedral, 2 snorm16, but for their lowest bits: of the second one whether both sides cast, of the first one whether its triangle
+    // is wide.
     normal: u32,
 }
 
-/// Of the disc that a point is, by the area it stands for, world units. The largest circle without a point has 0.97 of the root of that area
-/// where triangles are about as wide as high: smaller discs leave holes, larger ones hide more than the surface does.
-fn disc_radius(area: f32) -> f32 {
-    return 0.85 * sqrt(area);
+const POINT_TWO_SIDED: u32 = 1u;
+const POINT_WIDE: u32 = 0x10000u;
+
+/// Radius of a disc that covers the area of its point, of the root of that area: many on narrow triangles cover as much as these do.
+const EVEN_RADIUS: f32 = 0.564;
+/// Radius on a triangle that is wide enough, of the same: the largest circle without a point has 0.97 where triangles are about as wide as
+/// high, and along their edges there are points on one side only.
+const WIDE_RADIUS: f32 = 1.2;
+
+/// Of the disc that a point is, by the area it stands for, world units.
+fn disc_radius(area: f32, is_wide: bool) -> f32 {
+    return select(EVEN_RADIUS, WIDE_RADIUS, is_wide) * sqrt(area);
 }

@@ -79,6 +79,6 @@ pub struct SurfacePoint {
 pub struct WorldPoint {
     /// World position.
     pub position: Vec3,
-    /// Octahedral normal, 2 snorm16; lowest bit: both sides cast.
+    /// Octahedral normal, 2 snorm16, and in their lowest bits whether both sides cast, and whether the triangle is wide.
     pub normal: u32,
 }
