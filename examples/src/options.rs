@@ -138,7 +138,7 @@ pub enum TechniqueOption {
 pub enum QualityOption {
     /// 256 virtual lights, 32^3 voxels
     Low,
-    /// 1024 virtual lights, 64^3 voxels
+    /// 2048 virtual lights, 64^3 voxels
     Medium,
     /// 4096 virtual lights, 96^3 voxels
     High,

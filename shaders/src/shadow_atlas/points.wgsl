@@ -1,5 +1,5 @@
 // Points spread over the surfaces, as they stand in the world this frame: each keeps its triangle and its place in it, but for
-// half its disc's radius, so that discs reach beyond the triangle's edges as often as they fall short of these. Where a triangle has no room
+// a part of its disc's radius, so that discs hardly reach beyond the triangle's edges, and yet into its corners. Where a triangle has no room
 // for that, its disc stands for the narrow ones around it, too, and is no larger than its share of their area. Of masked surfaces as many
 // are there as the share of the surface around them; discs cover more than that, for they overlap.
 //
@@ -16,6 +16,10 @@
 @group(0) @binding(4) var<storage, read> surface_points: array<SurfacePoint>;
 @group(0) @binding(5) var<storage, read_write> world_points: array<WorldPoint>;
 @group(0) @binding(6) var<uniform> parameters: AtlasParameters;
+
+/// Of a disc's radius, how far its middle stays away from edges at least: as far as the disc still reaches corners of 45 degrees, such as half
+/// a square has; the sine of half of that.
+const INSET: f32 = 0.383;
 
 // The circle within a triangle.
 struct Incircle {
@@ -40,8 +44,8 @@ fn place_points(@builtin(global_invocation_id) id: vec3<u32>) {
     let where_on = unpack2x16unorm(point.barycentric);
     let even = t.a + (t.b - t.a) * where_on.x + (t.c - t.a) * where_on.y;
     let inner = incircle(t);
-    let is_wide = inner.radius > 0.5 * disc_radius(parameters.point_area, true);
-    let inset = 0.5 * disc_radius(parameters.point_area, is_wide) / max(inner.radius, 1e-30);
+    let is_wide = inner.radius > INSET * disc_radius(parameters.point_area, true);
+    let inset = INSET * disc_radius(parameters.point_area, is_wide) / max(inner.radius, 1e-30);
     // Its edges move inwards by that much.
     let position = mix(even, inner.center, min(inset, 1.0));
     var normal = POINT_NONE;

@@ -28,8 +28,8 @@
 
 const GROUP: u32 = 64u;
 const MAX_TILE_TEXELS: u32 = 2304u;
-/// Texels from the middle of a disc to the last that is looked at.
-const MAX_SPLAT: f32 = 6.0;
+/// Texels from the middle of a disc to the last that is looked at: larger discs are nearer to the light than three times their radius.
+const MAX_SPLAT: f32 = 12.0;
 /// Edges of a tile that a radian spans where the half octahedron is widest.
 const WIDEST: f32 = 1.12;
 /// Voxels round a light within which a point less than OWN_HEIGHT voxels above it that looks the same way is its own surface.

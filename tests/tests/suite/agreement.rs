@@ -288,7 +288,7 @@ impl Trial {
 #[test]
 fn lights_agree_with_exact_rays_in_scenes() {
     // A texel of 32 x 32 is up to six degrees wide: in a church of columns and ledges as much is hidden by chance as is seen.
-    for (name, least, least_by_points) in [("corner", 0.97, 0.93), ("sibenik", 0.85, 0.70)] {
+    for (name, least, least_by_points) in [("corner", 0.97, 0.93), ("sibenik", 0.89, 0.77)] {
         let Some(trial) = Trial::new(name) else { return };
         let [atlas, ism, voxel] = KINDS.map(|kind| trial.shipped(kind, TILE));
         let ideal = trial.ideal(TILE);
@@ -317,7 +317,7 @@ fn maps_agree_by_the_size_of_their_tiles() {
 }
 
 #[test]
-#[ignore = "maps of points agree in 75 % of sibenik, those of triangles in 88 %"]
+#[ignore = "maps of points agree in 79 % of sibenik, those of triangles in 90 %, as exact texels would; those agree in 97 % from 256 x 256 on"]
 fn maps_agree_with_exact_rays_in_a_church() {
     let Some(trial) = Trial::new("sibenik") else { return };
     let (atlas, ism) = (trial.shipped(VplVisibility::Atlas, TILE), trial.shipped(VplVisibility::Ism, TILE));
