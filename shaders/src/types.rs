@@ -1,6 +1,7 @@
 //! Structs that Rust and WGSL share. A test compares every one with what naga makes of its WGSL twin of the same name.
 
 mod cssm;
+mod fog;
 mod grid;
 mod history;
 mod probes;
@@ -13,6 +14,7 @@ mod vpl;
 use bevy::render::render_resource::ShaderType;
 
 pub use cssm::*;
+pub use fog::*;
 pub use grid::*;
 pub use history::*;
 pub use probes::*;

@@ -78,6 +78,7 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         CacheCounters,
         RadianceCache,
         ProbeParameters,
+        FogParameters,
         ProbePlace,
     ];
     let fields = struct_fields(&types_text());

@@ -25,6 +25,7 @@
 pub mod baked;
 pub mod balls;
 pub mod compose;
+pub mod cornell;
 pub mod eye;
 pub mod flip;
 pub mod glb;

@@ -6,6 +6,7 @@ use bevy::prelude::*;
 
 use crate::avg::VoxelGrid;
 use crate::cssm::{Baked, PixelLight};
+use crate::fog::LitFog;
 use crate::history::History;
 use crate::probes::ProbeBuffers;
 use crate::radiance_cache::{CacheBuffers, VoxelLight};
@@ -22,6 +23,7 @@ use crate::vpl::VplBuffers;
 pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let mut views = render_world.query::<&ViewTextures>();
     let mut compensated = render_world.query::<&SsbcTextures>();
+    let mut fogs = render_world.query::<&LitFog>();
     let mut kept = render_world.query::<&History>();
     let mut resting = render_world.query::<&PixelLight>();
     let mut cached = render_world.query::<&CacheBuffers>();
@@ -36,6 +38,7 @@ pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let items = items.chain(compensated.iter(render_world).flat_map(SsbcTextures::bytes));
     let items = items.chain(cached.iter(render_world).flat_map(CacheBuffers::bytes));
     let items = items.chain(resting.iter(render_world).flat_map(PixelLight::bytes));
+    let items = items.chain(fogs.iter(render_world).filter_map(LitFog::bytes));
     let items = items.chain(kept.iter(render_world).flat_map(History::bytes));
     let mut memory = BTreeMap::new();
     for (name, bytes) in items {

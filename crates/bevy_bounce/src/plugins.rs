@@ -9,8 +9,9 @@ use bevy::render::{ExtractSchedule, Render, RenderSystems};
 use crate::compose::{extract_views, hand_back_resets};
 use crate::settings::{GiWorldSettings, StatedLights, extract_world_settings};
 use crate::{
-    AvgPlugin, BudgetPlugin, CssmPlugin, GiComposePlugin, GiDebugPlugin, GiForwardPlugin, GiScenePlugin, HistoryPlugin,
-    InterleavedShadingPlugin, ProbeVolumePlugin, RadianceCachePlugin, ShadowAtlasPlugin, SsbcPlugin, VplPlugin,
+    AvgPlugin, BudgetPlugin, CssmPlugin, GiComposePlugin, GiDebugPlugin, GiFogPlugin, GiForwardPlugin, GiScenePlugin,
+    HistoryPlugin, InterleavedShadingPlugin, ProbeVolumePlugin, RadianceCachePlugin, ShadowAtlasPlugin, SsbcPlugin,
+    VplPlugin,
 };
 
 /// Everything a game needs for bounced light; each plugin can be disabled on its own.
@@ -22,6 +23,7 @@ use crate::{
 /// | [`VplPlugin`] | virtual point lights | nothing bounces |
 /// | [`ShadowAtlasPlugin`] | what virtual point lights see | they see by rays through the grid |
 /// | [`ProbeVolumePlugin`] | bounced light on transparent and forward-rendered surfaces | none there |
+/// | [`GiFogPlugin`] | bounced light in volumetric fog, from those probes | Bevy's ambient term there |
 /// | [`InterleavedShadingPlugin`] | indirect light per pixel | nothing bounces |
 /// | [`SsbcPlugin`] | gives back what bounding took from the indirect light | corners are darker |
 /// | [`RadianceCachePlugin`] | glossy light; `Technique::RadianceCache` | neither |
@@ -53,6 +55,7 @@ impl PluginGroup for GlobalIlluminationPlugins {
             .add(VplPlugin)
             .add(ShadowAtlasPlugin)
             .add(ProbeVolumePlugin)
+            .add(GiFogPlugin)
             .add(BudgetPlugin)
             .add(GiDebugPlugin);
         if self.forward {

@@ -6,6 +6,7 @@ mod air;
 mod compose;
 mod deform;
 mod eyes;
+mod fog;
 mod guides;
 mod harness;
 mod history;

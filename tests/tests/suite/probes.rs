@@ -4,15 +4,17 @@ use std::time::Duration;
 
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::Exposure;
-use bevy::light::{IrradianceVolume, LightProbe};
+use bevy::light::{IrradianceVolume, LightProbe, NotShadowCaster};
 use bevy::material::OpaqueRendererMethod;
 use bevy::pbr::{ExtendedMaterial, MaterialExtension};
 use bevy::prelude::*;
 use bevy::render::render_resource::{AsBindGroup, Extent3d, TextureDimension, TextureFormat};
 use bevy_bounce::{
-    GiIsolate, GiSettings, GlobalIllumination, ProbeVolume, Quality, Resolution, Technique, VplVisibility, gpu_memory,
+    GiIsolate, GiSettings, GlobalIllumination, ProbeVolume, Quality, Resolution, Technique, VoxelizedMesh,
+    VplVisibility, gpu_memory,
 };
-use bevy_bounce_examples::scenes::{Builder, CornellBox, CornellPlugin, Walls};
+use bevy_bounce_examples::scenes::{Builder, CornellBox, CornellPlugin, Surface, Walls};
+use bevy_bounce_tests::cornell::{self, PointInAir};
 use bevy_bounce_tests::eye::Eye;
 use bevy_bounce_tests::picture::{Picture, luminance};
 use bevy_bounce_tests::stage::{SMALL, Stage, illumination, run};
@@ -27,38 +29,16 @@ struct Glass;
 
 /// What a pixel of the Cornell box shows: a wall, or a side of a block. `None` where neighbours show something else.
 fn surface_at(x: usize, y: usize) -> Option<usize> {
-    let hit = |x: f32, y: f32| {
+    let surface = |x: f32, y: f32| {
         let half = (0.5 * CornellBox::FIELD_OF_VIEW).tan();
         let aspect = SIZE.x as f32 / SIZE.y as f32;
         let ndc = Vec2::new(2.0 * x / SIZE.x as f32 - 1.0, 1.0 - 2.0 * y / SIZE.y as f32);
         let ray = Vec3::new(ndc.x * half * aspect, ndc.y * half, -1.0);
-        let mut found = (f32::INFINITY, None);
-        for (index, panel) in CornellBox::PANELS.iter().enumerate() {
-            let normal = panel.u.cross(panel.v).normalize();
-            let t = normal.dot(panel.corner - CornellBox::EYE) / normal.dot(ray);
-            let at = CornellBox::EYE + ray * t - panel.corner;
-            let inside = |edge: Vec3| (0.0..=1.0).contains(&(at.dot(edge) / edge.length_squared()));
-            if normal.dot(ray) < 0.0 && t > 0.0 && t < found.0 && inside(panel.u) && inside(panel.v) {
-                found = (t, Some(index));
-            }
-        }
-        for (index, block) in CornellBox::BLOCKS.iter().enumerate() {
-            let angle = 2.0 * block.half_turn[0].atan2(block.half_turn[1]);
-            let back = Quat::from_rotation_y(-angle);
-            let centre = block.base + Vec3::Y * block.size.y * 0.5;
-            let (origin, ray) = (back * (CornellBox::EYE - centre), back * ray);
-            let (a, b) = ((-block.size * 0.5 - origin) / ray, (block.size * 0.5 - origin) / ray);
-            let (near, far) = (a.min(b), a.max(b).min_element());
-            let t = near.max_element();
-            if t > 0.0 && t < far && t < found.0 {
-                found = (t, Some(5 + 3 * index + near.max_position()));
-            }
-        }
-        found.1
+        cornell::hit(CornellBox::EYE, ray).map(|hit| hit.surface)
     };
-    let center = hit(x as f32 + 0.5, y as f32 + 0.5)?;
+    let center = surface(x as f32 + 0.5, y as f32 + 0.5)?;
     let around = [(-1.0, -1.0), (2.0, -1.0), (-1.0, 2.0), (2.0, 2.0)];
-    around.iter().all(|(dx, dy)| hit(x as f32 + dx, y as f32 + dy) == Some(center)).then_some(center)
+    around.iter().all(|(dx, dy)| surface(x as f32 + dx, y as f32 + dy) == Some(center)).then_some(center)
 }
 
 /// Fifty pixels at random, of surfaces that have no edge there, and what they show.
@@ -221,6 +201,131 @@ fn a_forward_app_is_lit_by_probes_alone() {
     let mean = |of: fn(f64) -> f64| errors.iter().map(|&error| of(error)).sum::<f64>() / errors.len() as f64;
     let (mean, rms) = (mean(|error| error), mean(|error| error * error).sqrt());
     assert!(mean.abs() < 0.05 && rms < 0.06, "mean {mean}, root mean square {rms}");
+}
+
+/// Small quads in the air.
+#[derive(Component)]
+struct Particle;
+
+/// Puts one at each point.
+fn spawn_particles(stage: &mut Stage, points: &[PointInAir]) -> Handle<StandardMaterial> {
+    let world = stage.world();
+    let mesh = world.resource_mut::<Assets<Mesh>>().add(Rectangle::from_length(cornell::PIECE));
+    let paint = world.resource_mut::<Assets<StandardMaterial>>().add(StandardMaterial {
+        base_color: Color::linear_rgb(0.8, 0.8, 0.8),
+        perceptual_roughness: 1.0,
+        reflectance: 0.0,
+        ..default()
+    });
+    for point in points {
+        let look = (Mesh3d(mesh.clone()), MeshMaterial3d(paint.clone()), Transform::from_translation(point.at));
+        world.spawn((look, Particle, VoxelizedMesh::OFF, NotShadowCaster));
+    }
+    paint
+}
+
+/// How particles are turned.
+#[derive(Clone, Copy, Debug)]
+enum Turned {
+    /// As the camera is.
+    AsTheEye,
+    /// Each to the camera.
+    ToTheEye,
+}
+
+/// Particles as a camera sees them.
+struct Sight {
+    eye: Transform,
+    field_of_view: f32,
+    turned: Turned,
+    /// Whether a wall closes the box.
+    closed: bool,
+}
+
+/// A camera outside, that looks into the box.
+const FROM_OUTSIDE: Sight = Sight {
+    eye: Transform::from_translation(CornellBox::EYE),
+    field_of_view: CornellBox::FIELD_OF_VIEW,
+    turned: Turned::AsTheEye,
+    closed: false,
+};
+
+/// How far off blended particles are from opaque ones in the G-buffer, point by point: a list for each way of blending.
+fn particle_errors(sight: &Sight, modes: &[AlphaMode]) -> Vec<Vec<f64>> {
+    let &Sight { eye, field_of_view, turned, closed } = sight;
+    let settings = Quality::High.settings();
+    let mut stage = stage_of(SIZE, settings, false, |app| {
+        app.add_plugins(CornellPlugin);
+        if closed {
+            app.add_systems(Startup, |mut build: Builder| {
+                let paint = build.paint(Surface::White.albedo());
+                build.panel(Vec3::new(2.0, 0.0, 2.0), Vec3::NEG_X * 4.0, Vec3::Y * 4.0, &paint);
+            });
+        }
+    });
+    let camera = stage.only::<Camera3d>();
+    let lens = Projection::Perspective(PerspectiveProjection { fov: field_of_view, ..default() });
+    stage.world().entity_mut(camera).insert((eye, lens));
+    let points = cornell::points_in_air(&eye, field_of_view, SIZE);
+    let paint = spawn_particles(&mut stage, &points);
+    let world = stage.world();
+    for mut place in world.query_filtered::<&mut Transform, With<Particle>>().iter_mut(world) {
+        match turned {
+            Turned::AsTheEye => place.rotation = eye.rotation,
+            Turned::ToTheEye => place.rotation = eye.looking_at(place.translation, Vec3::Y).rotation,
+        }
+    }
+    let blend = |stage: &mut Stage, mode| {
+        if let Some(mut paint) = stage.world().resource_mut::<Assets<StandardMaterial>>().get_mut(&paint) {
+            paint.alpha_mode = mode;
+        }
+        stage.settled_picture()
+    };
+    show(&mut stage, GiIsolate::Indirect);
+    let deferred = blend(&mut stage, AlphaMode::Opaque);
+    show(&mut stage, GiIsolate::All);
+    let with: Vec<_> = modes.iter().map(|mode| blend(&mut stage, *mode)).collect();
+    stage.light_by(illumination(GiSettings { probes: 0, ..settings }));
+    let without: Vec<_> = modes.iter().map(|mode| blend(&mut stage, *mode)).collect();
+    let error = |light: &Picture, point: &PointInAir| {
+        let [found, expected] = [light, &deferred].map(|picture| luminance(picture.at(point.x, point.y)));
+        found / expected - 1.0
+    };
+    let lights = with.iter().zip(&without).map(|(with, without)| minus(with, without));
+    lights.map(|light| points.iter().map(|point| error(&light, point)).collect()).collect()
+}
+
+/// Asserts that so many are within 15 %.
+fn assert_particles_are_alike(name: &str, mut errors: Vec<f64>, at_least: usize) {
+    errors.sort_by(|a, b| b.abs().total_cmp(&a.abs()));
+    let mean = errors.iter().sum::<f64>() / errors.len() as f64;
+    let within = errors.iter().filter(|error| error.abs() < 0.15).count();
+    println!("{name}: {within} of {} within 15 %, mean {mean:+.3}, worst {:+.3?}", errors.len(), &errors[..6]);
+    assert!(within >= at_least, "{name}: {within} within 15 %, mean {mean}");
+}
+
+/// Particles that float in a room, turned as a camera that looks along an axis, are lit as opaque ones are, however they are blended.
+#[test]
+fn particles_in_the_air_are_lit_like_what_is_in_the_g_buffer() {
+    let modes = [AlphaMode::Blend, AlphaMode::Add, AlphaMode::Premultiplied];
+    let errors = particle_errors(&FROM_OUTSIDE, &modes);
+    for (mode, errors) in modes.iter().zip(errors) {
+        assert_particles_are_alike(&format!("{mode:?}"), errors, 50);
+    }
+}
+
+/// Turned to a camera, aslant, they get what Bevy's shaders make of six directions: most are within the bound in a closed room, fewer where they
+/// look into the dark outside, which light changes fast to.
+#[test]
+fn particles_aslant_are_lit_as_far_as_six_directions_tell() {
+    let within = Transform::from_xyz(1.7, 3.5, 1.7).looking_at(Vec3::new(-0.6, 1.3, -0.6), Vec3::Y);
+    let closed = Sight { eye: within, field_of_view: 1.3, turned: Turned::ToTheEye, closed: true };
+    let into_the_dark = Sight { turned: Turned::ToTheEye, ..FROM_OUTSIDE };
+    for (name, sight, at_least) in [("a closed room", closed, 40), ("into the dark", into_the_dark, 25)] {
+        for errors in particle_errors(&sight, &[AlphaMode::Blend]) {
+            assert_particles_are_alike(name, errors, at_least);
+        }
+    }
 }
 
 #[derive(Asset, AsBindGroup, TypePath, Clone, Default)]

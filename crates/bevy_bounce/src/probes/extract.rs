@@ -9,11 +9,11 @@ use crate::scene::SceneBuffers;
 
 /// The volume as this frame draws it.
 #[derive(Resource, Default)]
-pub(super) struct ExtractedProbes(pub Option<Probes>);
+pub(crate) struct ExtractedProbes(pub Option<Probes>);
 
 /// See [`ExtractedProbes`].
 #[derive(Clone, Copy)]
-pub(super) struct Probes {
+pub(crate) struct Probes {
     /// Where it is.
     pub volume: ProbeVolume,
     /// What Bevy's shaders read.

@@ -1,6 +1,6 @@
 //! Bounced light for what is not in the G-buffer: transparent and forward-rendered surfaces, particles, whole apps that stay
 //! forward. A volume of light probes over the scene, lit anew every frame by all virtual lights, which Bevy's own shaders
-//! read as an [`IrradianceVolume`](bevy::light::IrradianceVolume).
+//! read as an [`IrradianceVolume`](bevy::light::IrradianceVolume), and [fog](crate::fog) scatters.
 //!
 //! # Data
 //!
@@ -17,7 +17,7 @@
 //! # Cost
 //!
 //! Six sums over all virtual lights a probe, of which each sees about half: 25 million lookups at 20^3 probes and 1024 lights. It
-//! does not depend on the picture's size, and there is none in frames in which no view draws anything by a forward shader. On a
+//! does not depend on the picture's size, and there is none in frames in which no view draws anything by a forward shader, or fog. On a
 //! software adapter that is five times what `interleaved` takes at 640x360: `see_through --size 640x360 --stats`.
 //! Nothing persists from frame to frame but where the volume lies: it follows the scene's bounds, in whole steps, two frames
 //! behind where rendering is pipelined.
@@ -26,7 +26,9 @@
 //!
 //! It is as fine as its probes are near each other. Walls thinner than that let light by onto what floats before them; what is
 //! on them gets its own: see `probes/place.wgsl`. Six directions are a coarse picture of light for surfaces that are aslant and
-//! far from others. Beyond the bounds of what reflects light there is none.
+//! far from others, for Bevy's shaders mix them by the squares of the normal, in which there is no first-order change about an axis. Of fifty
+//! particles in the Cornell box all are within 15 % of opaque ones where they face along an axis, 49 where they are turned to a camera
+//! in the closed box, and 28 where they look into the dark out of the open one: the exact light of the six directions is as far off there. Beyond the bounds of what reflects light there is none.
 
 mod extract;
 mod forward;
@@ -50,6 +52,7 @@ use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
 use crate::recovery::forget_resource;
 
+pub(crate) use extract::ExtractedProbes;
 pub use forward::GiForwardPlugin;
 pub(crate) use prepare::ProbeBuffers;
 pub use volume::ProbeVolume;

@@ -10,7 +10,7 @@ use bevy::render::texture::GpuImage;
 use super::extract::ExtractedProbes;
 use super::pipelines::ProbePipelines;
 use super::prepare::ProbeBuffers;
-use super::receivers::ForwardDraws;
+use super::receivers::Receivers;
 use crate::avg::{VoxelGrid, bind_grid, bind_sky};
 use crate::compute::{folded, whole};
 use crate::scene::SceneBuffers;
@@ -32,7 +32,7 @@ pub(super) fn light_probes(
     atlas: Option<Res<ShadowAtlas>>,
     scene: Option<Res<SceneBuffers>>,
     images: Res<RenderAssets<GpuImage>>,
-    receivers: ForwardDraws,
+    receivers: Receivers,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {

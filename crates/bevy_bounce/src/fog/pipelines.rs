@@ -1,0 +1,146 @@
+//! Pipelines of the fog and their bindings.
+
+use bevy::core_pipeline::FullscreenShader;
+use bevy::material::descriptor::PipelineDescriptor;
+use bevy::prelude::*;
+use bevy::render::render_resource::binding_types::{
+    sampler, texture_2d, texture_2d_multisampled, texture_3d, uniform_buffer,
+};
+use bevy::render::render_resource::{
+    BindGroupLayoutDescriptor, BindGroupLayoutEntries, BlendComponent, BlendFactor, BlendOperation, BlendState,
+    CachedPipelineState, ColorTargetState, ColorWrites, FragmentState, PipelineCache, RenderPipelineDescriptor,
+    SamplerBindingType, ShaderStages, SpecializedRenderPipeline, TextureFormat, TextureSampleType,
+};
+use bevy::render::view::ViewUniform;
+use bevy::shader::Shader;
+use bevy_bounce_shaders::types::{FogParameters, ProbeParameters};
+
+use crate::compute::GiShaders;
+
+/// Light that fog scatters, pre-exposed.
+pub(super) const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
+
+/// Bevy's own fog, by the label of its pipelines: nothing else of it is public.
+const BEVYS_FOG: &str = "volumetric lighting pipeline";
+
+/// Alpha of the target stays.
+const KEPT: BlendComponent =
+    BlendComponent { src_factor: BlendFactor::Zero, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
+
+/// Light before what is there already, as Bevy draws its fog; and what is taken of what is behind all volumes.
+const OVER: BlendState =
+    BlendState { color: BlendComponent { dst_factor: BlendFactor::OneMinusSrcAlpha, ..SUM }, alpha: KEPT };
+
+const SUM: BlendComponent =
+    BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Add };
+
+/// A pass of a view.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(super) enum Pass {
+    /// A volume's light into the texture of the view.
+    Scatter {
+        /// Whether the depth has several samples.
+        multisampled: bool,
+    },
+    /// That texture onto the picture.
+    Add {
+        /// Of the picture.
+        format: TextureFormat,
+    },
+}
+
+/// Layouts and shaders of the passes.
+#[derive(Resource)]
+pub(super) struct FogPipelines {
+    scatter_layouts: [BindGroupLayoutDescriptor; 2],
+    /// Group 0 of [`Pass::Add`].
+    pub add_layout: BindGroupLayoutDescriptor,
+    fullscreen: FullscreenShader,
+    scatter_shader: Handle<Shader>,
+    add_shader: Handle<Shader>,
+}
+
+impl FogPipelines {
+    /// Group 0 of [`Pass::Scatter`].
+    pub fn scatter_layout(&self, multisampled: bool) -> &BindGroupLayoutDescriptor {
+        &self.scatter_layouts[usize::from(multisampled)]
+    }
+}
+
+pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>, fullscreen: Res<FullscreenShader>) {
+    let volume = texture_3d(TextureSampleType::Float { filterable: true });
+    // Depth read as a float: naga has no GLSL for loads from a depth texture.
+    let depth = TextureSampleType::Float { filterable: false };
+    let scatter = |name, depth| {
+        let entries = BindGroupLayoutEntries::sequential(
+            ShaderStages::FRAGMENT,
+            (
+                uniform_buffer::<ViewUniform>(false),
+                uniform_buffer::<FogParameters>(true),
+                depth,
+                uniform_buffer::<ProbeParameters>(false),
+                volume,
+                sampler(SamplerBindingType::Filtering),
+                volume,
+                sampler(SamplerBindingType::Filtering),
+            ),
+        );
+        BindGroupLayoutDescriptor::new(name, &entries)
+    };
+    commands.insert_resource(FogPipelines {
+        scatter_layouts: [
+            scatter("bounce_fog_layout", texture_2d(depth)),
+            scatter("bounce_fog_multisampled_layout", texture_2d_multisampled(depth)),
+        ],
+        add_layout: BindGroupLayoutDescriptor::new(
+            "bounce_fog_add_layout",
+            &BindGroupLayoutEntries::single(
+                ShaderStages::FRAGMENT,
+                texture_2d(TextureSampleType::Float { filterable: false }),
+            ),
+        ),
+        fullscreen: fullscreen.clone(),
+        scatter_shader: shaders.get("fog/scatter.wgsl"),
+        add_shader: shaders.get("fog/add.wgsl"),
+    });
+}
+
+impl SpecializedRenderPipeline for FogPipelines {
+    type Key = Pass;
+
+    fn specialize(&self, pass: Pass) -> RenderPipelineDescriptor {
+        let (label, entry, shader, layout, format, blend) = match pass {
+            Pass::Scatter { multisampled } => {
+                let layout = self.scatter_layout(multisampled);
+                ("bounce_fog", "scatter", &self.scatter_shader, layout, LIGHT_FORMAT, OVER)
+            }
+            Pass::Add { format } => {
+                let blend = BlendState { color: SUM, alpha: KEPT };
+                ("bounce_fog_add", "add", &self.add_shader, &self.add_layout, format, blend)
+            }
+        };
+        let is_multisampled = pass == Pass::Scatter { multisampled: true };
+        RenderPipelineDescriptor {
+            label: Some(label.into()),
+            layout: vec![layout.clone()],
+            vertex: self.fullscreen.to_vertex_state(),
+            fragment: Some(FragmentState {
+                shader: shader.clone(),
+                shader_defs: is_multisampled.then(|| "MULTISAMPLED".into()).into_iter().collect(),
+                entry_point: Some(entry.into()),
+                targets: vec![Some(ColorTargetState { format, blend: Some(blend), write_mask: ColorWrites::ALL })],
+            }),
+            ..default()
+        }
+    }
+}
+
+/// Whether Bevy draws its fog: what is added to it must not come before it.
+pub(super) fn bevys_fog_is_drawn(cache: &PipelineCache) -> bool {
+    let mut theirs = cache.pipelines().filter(|pipeline| match &pipeline.descriptor {
+        PipelineDescriptor::RenderPipelineDescriptor(descriptor) => descriptor.label.as_deref() == Some(BEVYS_FOG),
+        PipelineDescriptor::ComputePipelineDescriptor(_) => false,
+    });
+    let is_ready = |state: &CachedPipelineState| matches!(state, CachedPipelineState::Ok(_));
+    theirs.next().is_some_and(|first| is_ready(&first.state)) && theirs.all(|other| is_ready(&other.state))
+}

@@ -1,0 +1,31 @@
+//! Volumetric fog.
+
+use bevy::math::{Mat4, Vec3};
+use bevy::render::render_resource::ShaderType;
+
+/// A volume of fog as a view marches through it.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct FogParameters {
+    /// From the world to the volume, a unit cube about the origin.
+    pub local_from_world: Mat4,
+    /// Colour of the fog, times tint and intensity of light in it.
+    pub color: Vec3,
+    /// Density, times that of the texture where there is one.
+    pub density: f32,
+    /// Added to where the texture is read.
+    pub density_offset: Vec3,
+    /// 1 where there is a texture of densities.
+    pub has_texture: u32,
+    /// Light that a unit of density absorbs, per world unit.
+    pub absorption: f32,
+    /// Light that it scatters.
+    pub scattering: f32,
+    /// Mean cosine of the angle by which it scatters.
+    pub asymmetry: f32,
+    /// World units from the volume's centre to its corners.
+    pub radius: f32,
+    /// Steps of a ray.
+    pub steps: u32,
+    /// World units by which a ray's start is moved at most.
+    pub jitter: f32,
+}
