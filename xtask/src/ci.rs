@@ -16,7 +16,7 @@ const DEVICE_TESTS: [&str; 5] = ["suite", "baked", "caches", "frames", "settings
 
 /// Tests that run once, by parts of their names: those that no device takes part in, and those of many pictures that have others beside
 /// them in which the same passes run with both limits. That both light a scene alike is a test by itself.
-const ONCE: [&str; 45] = [
+const ONCE: [&str; 47] = [
     "agreement::",
     "beside::",
     "boxes_equal_their",
@@ -41,6 +41,7 @@ const ONCE: [&str; 45] = [
     "cuts::",
     "debug::every_picture",
     "every_setting",
+    "fog::fog_at_a_point",
     "guides::",
     "history::frames",
     "lamps::",
@@ -48,6 +49,7 @@ const ONCE: [&str; 45] = [
     "metrics::",
     "nested::a_drive",
     "panel::",
+    "probes::particles",
     "radiance_cache::references",
     "recovery::",
     "soak::",
