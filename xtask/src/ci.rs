@@ -49,7 +49,7 @@ const ONCE: [&str; 47] = [
     "metrics::",
     "nested::a_drive",
     "panel::",
-    "probes::particles",
+    "particles::",
     "radiance_cache::references",
     "recovery::",
     "soak::",

@@ -15,6 +15,7 @@ mod materials;
 mod metrics;
 mod nested;
 mod octahedral;
+mod particles;
 mod paths;
 mod pipelines;
 mod probes;

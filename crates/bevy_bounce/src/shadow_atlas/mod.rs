@@ -9,8 +9,9 @@
 //! | `eyes` | 8 B a light, where visibility is baked | object and texel that each light is on |
 //!
 //! A tile maps the hemisphere to a square by the half octahedron, without waste. Each texel is tested against the planes through
-//! the light and a triangle's edges, so that large triangles stay straight. A point is hidden where it lies behind the plane of
-//! the surface that its texel shows, and that before its own: however coarse texels are, surfaces do not shadow themselves.
+//! the light and a triangle's edges, so that large triangles stay straight. A point is hidden where it is farther from the light than
+//! the surface that its texel shows, lies behind the plane of that, and that before its own: however coarse texels are, surfaces do not
+//! shadow themselves.
 //!
 //! Masked triangles leave out texels, as many as their holes are of them: holes that are a quarter of a triangle's edge or more are where they
 //! are, finer ones anywhere within that. See `shadow_atlas/masks.wgsl`. A masked triangle costs some 4000 operations more a frame, and 60 more a
@@ -20,6 +21,24 @@
 //! and triangles of all else are drawn over it. Ritschel, Grosch, Kautz and Seidel 2008.
 //!
 //! Imperfect shadow maps (Ritschel et al. 2008) fill the same tiles from points spread over the surfaces.
+//!
+//! # How large a tile
+//!
+//! Shares of pairs of a pixel and a light for which a tile agrees with an exact ray, of 8000 pairs and 256 lights each
+//! (`cargo test --workspace --test suite -- maps_agree_by --ignored --nocapture`): tiles of triangles, of points, and what those of triangles would
+//! be if each texel knew exactly what is in its middle.
+//!
+//! | texels | corner | sibenik | sponza |
+//! |---|---|---|---|
+//! | 24 x 24 | .978, .962, .978 | .879, .778, .878 | .868, .739, .867 |
+//! | 32 x 32 | .985, .974, .985 | .901, .793, .901 | .885, .762, .886 |
+//! | 48 x 48 | .991, .979, .992 | .917, .824, .918 | .907, .806, .904 |
+//! | 64 x 64 | -, -, .994 | -, -, .933 | -, -, .922 |
+//! | 128 x 128 | -, -, .996 | -, -, .957 | -, -, .947 |
+//! | 256 x 256 | -, -, .998 | -, -, .973 | -, -, .969 |
+//!
+//! What is left in tiles of triangles is the width of their texels. Four times the memory make a third fewer mistakes, and mistakes of many
+//! lights even out: tiles of triangles see as much as rays do, within two hundredths. So the default is small, and lights are many.
 //!
 //! # Cost
 //!
