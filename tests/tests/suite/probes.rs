@@ -12,7 +12,7 @@ use bevy::render::render_resource::{AsBindGroup, Extent3d, TextureDimension, Tex
 use bevy_bounce::{
     GiIsolate, GiSettings, GlobalIllumination, ProbeVolume, Quality, Resolution, Technique, VplVisibility, gpu_memory,
 };
-use bevy_bounce_examples::scenes::{Builder, CornellBox, CornellPlugin, Surface, Walls};
+use bevy_bounce_examples::scenes::{Builder, CornellBox, CornellPlugin, Walls};
 use bevy_bounce_tests::cornell;
 use bevy_bounce_tests::eye::Eye;
 use bevy_bounce_tests::picture::{Picture, luminance};
