@@ -196,8 +196,8 @@ fn fog_in_a_forward_app_is_lit_too() {
     furnace_is_even(true);
 }
 
-/// What fog scatters at points in a room is what comes there on traced paths. Of what is scattered forwards, six directions know too little at
-/// a few of them.
+/// What fog scatters at points in a room is what comes there on traced paths. Of what is scattered forwards, six directions know too little: at
+/// a few of them, and at 0.8, as Bevy has it, at half.
 #[test]
 fn fog_at_a_point_scatters_the_light_of_that_point() {
     let size = UVec2::new(192, 108);
@@ -205,7 +205,7 @@ fn fog_at_a_point_scatters_the_light_of_that_point() {
     let mut stage = cornell_stage(size, settings);
     let eye = Transform::from_translation(CornellBox::EYE);
     let points = cornell::points_in_air(&eye, CornellBox::FIELD_OF_VIEW, size);
-    for (asymmetry, at_least) in [(0.0, 50), (0.5, 45)] {
+    for (asymmetry, at_least) in [(0.0, 50), (0.5, 45), (0.8, 20)] {
         let pieces: Vec<_> = points
             .iter()
             .map(|point| {

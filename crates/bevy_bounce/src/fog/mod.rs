@@ -21,7 +21,8 @@
 //! It is as fine as the probes. Beyond the outermost ones there is their light. Fog takes nothing from the light that surfaces send to each other.
 //!
 //! Six directions tell what fog scatters evenly, not what it scatters in one direction: beside traced paths at fifty points of the Cornell
-//! box, all are within 15 % at a `FogVolume::scattering_asymmetry` of 0, 47 at 0.5, and 22 at 0.8, Bevy's default; their means within 2 %.
+//! box, all are within 15 % at a `FogVolume::scattering_asymmetry` of 0, 47 at 0.5, and 22 at 0.8, Bevy's default; their means within 2 %
+//! (`cargo test --workspace --test suite -- fog_at_a_point --nocapture`).
 //!
 //! Bevy dims what comes to fog by the radius of its volume, which leaves little in large and dense ones; so it is here. It gives the light of point and spot
 //! lights no phase function, so that fog shows 4 pi times as much of it as of bounced light that is as bright.

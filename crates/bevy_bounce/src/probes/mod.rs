@@ -26,9 +26,10 @@
 //!
 //! It is as fine as its probes are near each other. Walls thinner than that let light by onto what floats before them; what is
 //! on them gets its own: see `probes/place.wgsl`. Six directions are a coarse picture of light for surfaces that are aslant and
-//! far from others, for Bevy's shaders mix them by the squares of the normal, in which there is no first-order change about an axis. Of fifty
+//! far from others: Bevy's shaders mix them by the squares of the normal's components, so that beside an axis the others hardly count. Of fifty
 //! particles in the Cornell box all are within 15 % of opaque ones where they face along an axis, 49 where they are turned to a camera
-//! in the closed box, and 28 where they look into the dark out of the open one: the exact light of the six directions is as far off there. Beyond the bounds of what reflects light there is none.
+//! in the closed box, and 28 where they look into the dark out of the open one: the exact light of the six directions is as far off there
+//! (`cargo test --workspace --test suite -- particles:: --nocapture`). Beyond the bounds of what reflects light there is none.
 
 mod extract;
 mod forward;
