@@ -7,6 +7,7 @@ use std::process::{Command, Stdio};
 
 use crate::Result;
 use crate::bench_report::{Report, Row};
+use crate::bench_samples::Samples;
 use crate::glb;
 use crate::process::{build_example, graphics, root, shared};
 use crate::setup::setup;
@@ -21,14 +22,14 @@ usage: cargo xtask bench [OPTIONS]
   --vpls N              virtual lights; repeatable; 256, 1024, 4096 and 16384
   --visibility V        none, voxel, ism or atlas; repeatable; all
   --frames N            frames a run; 30
-  --part P              frames, ssbc, memory or growth; repeatable; all
+  --part P              frames, ssbc, samples, memory or growth; repeatable; all
   --quick               one small run of each part, to see that they work
   --dev                 the viewer as the demo and the tests build it: dependencies optimised, our crates a little
   --json FILE           also write what was measured
 ";
 
 /// The parts of a report.
-const PARTS: [&str; 4] = ["frames", "ssbc", "memory", "growth"];
+const PARTS: [&str; 5] = ["frames", "ssbc", "samples", "memory", "growth"];
 
 /// Iterations of bias compensation that are compared.
 const ITERATIONS: [u32; 4] = [0, 1, 2, 3];
@@ -167,6 +168,9 @@ pub fn bench(args: &[String]) -> Result<()> {
             ssbc: job.ssbc,
             outcome: outcome.map(|stats| (stats, file)).map_err(|error| error.to_string()),
         });
+    }
+    if options.has("samples") {
+        report.samples = Samples::measure(!options.dev)?;
     }
     println!("\n{report}");
     if let Some(file) = &options.json {

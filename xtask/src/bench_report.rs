@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use crate::Result;
+use crate::bench_samples::Samples;
 use crate::stats::{Stage, Stats, Times, stage_rank};
 use crate::table::{NONE, Table, bytes, grouped, milliseconds};
 
@@ -15,6 +16,8 @@ use crate::table::{NONE, Table, bytes, grouped, milliseconds};
 pub struct Report {
     /// Runs in order.
     pub rows: Vec<Row>,
+    /// What bias compensation looks at.
+    pub samples: Vec<Samples>,
 }
 
 /// One run.
@@ -113,18 +116,23 @@ impl Report {
         table
     }
 
-    /// Bias compensation by iterations, and what one of them costs beside the shading by virtual lights.
+    /// Bias compensation by iterations, and what one of them costs beside the shading by virtual lights, alone and with
+    /// their shadow maps.
     fn ssbc(&self) -> Table {
-        let own = ["iterations", "interleaved ms", "ssbc ms", "ms an iteration", "% of interleaved"];
+        let own =
+            ["iterations", "maps ms", "interleaved ms", "ssbc ms", "ms an iteration", "% of interleaved", "% of both"];
         let mut table = Table::new(KEY.into_iter().chain(own));
         for row in self.part("ssbc") {
             let time = |name| Some(row.stats()?.stage(name)?.gpu?.median);
-            let (shading, ssbc) = (time("interleaved"), time("ssbc"));
+            let (maps, shading, ssbc) = (time("shadow_atlas"), time("interleaved"), time("ssbc"));
+            let both = shading.map(|shading| shading + maps.unwrap_or(0.0));
             let each = ssbc.zip(row.ssbc.filter(|iterations| *iterations > 0)).map(|(ms, n)| ms / f64::from(n));
-            let share = each.zip(shading).map(|(each, shading)| format!("{:.0}", 100.0 * each / shading));
+            let share = |of: Option<f64>| {
+                each.zip(of).map_or(NONE.to_owned(), |(each, of)| format!("{:.0}", 100.0 * each / of))
+            };
             let ms = |value: Option<f64>| value.map_or(NONE.to_owned(), milliseconds);
             let iterations = row.ssbc.map_or(NONE.to_owned(), |iterations| iterations.to_string());
-            let cells = [iterations, ms(shading), ms(ssbc), ms(each), share.unwrap_or(NONE.to_owned())];
+            let cells = [iterations, ms(maps), ms(shading), ms(ssbc), ms(each), share(shading), share(both)];
             table.row(row.key().into_iter().chain(cells));
         }
         table
@@ -193,6 +201,9 @@ impl fmt::Display for Report {
         if self.part("ssbc").next().is_some() {
             writeln!(f, "Bias compensation\n\n{}", self.ssbc())?;
         }
+        if !self.samples.is_empty() {
+            writeln!(f, "Samples a pixel of bias compensation\n\n{}", Samples::table(&self.samples))?;
+        }
         write!(f, "{}", self.memory())?;
         if self.part("growth").next().is_some() {
             writeln!(f, "\nVoxelisation of one shape cut into more and more triangles\n\n{}", self.growth())?;
@@ -241,7 +252,7 @@ mod tests {
             row("frames", None, Ok(stats(10.0, 34, None))),
             row("frames", Some(256), Ok(stats(25.0, 34, Some(3.0)))),
         ];
-        let report = Report { rows };
+        let report = Report { rows, ..Default::default() };
         let text = report.to_string();
         assert!(text.contains(" 2.50 |"), "{text}");
         assert!(text.contains("3.00 (6.00)"), "{text}");
@@ -251,7 +262,7 @@ mod tests {
 
     #[test]
     fn a_failed_run_is_reported_and_counted() {
-        let report = Report { rows: vec![row("frames", Some(256), Err("viewer failed"))] };
+        let report = Report { rows: vec![row("frames", Some(256), Err("viewer failed"))], ..Default::default() };
         assert_eq!(report.failures(), 1);
         assert!(report.to_string().contains("failed: cornell 320x180 voxel 256: viewer failed"));
     }
@@ -260,14 +271,15 @@ mod tests {
     fn growth_of_one_is_linear() {
         let rows = [(1_000, 1.0), (10_000, 10.0), (100_000, 50.0)];
         let rows = rows.map(|(triangles, ms)| row("growth", Some(16), Ok(stats(1.0, triangles, Some(ms)))));
-        let text = Report { rows: rows.into() }.growth().to_string();
+        let text = Report { rows: rows.into(), ..Default::default() }.growth().to_string();
         let last = |line: usize| text.lines().nth(line).and_then(|line| line.split('|').nth(5)).map(str::trim);
         assert_eq!((last(2), last(3), last(4)), (Some("-"), Some("1.00"), Some("0.50")), "{text}");
     }
 
     #[test]
     fn memory_is_itemised_with_its_total() {
-        let text = Report { rows: vec![row("memory", Some(1024), Ok(stats(1.0, 34, None)))] }.memory();
+        let text =
+            Report { rows: vec![row("memory", Some(1024), Ok(stats(1.0, 34, None)))], ..Default::default() }.memory();
         assert!(text.contains("| grid ") && text.contains("1.0 KiB"), "{text}");
     }
 }

@@ -4,6 +4,7 @@
 
 mod bench;
 mod bench_report;
+mod bench_samples;
 mod ci;
 mod crates;
 mod demo;

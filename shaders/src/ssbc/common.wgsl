@@ -5,6 +5,8 @@
 #define_import_path bevy_bounce::ssbc::common
 
 #import bevy_render::view::View
+#import bevy_bounce::interleaved::surface::Surface
+#import bevy_bounce::shared::octahedral::decode_unit
 
 struct SsbcParameters {
     solid_angle: f32,
@@ -50,4 +52,36 @@ fn position_at(lens: Lens, pixel: vec2<f32>, depth: f32) -> vec4<f32> {
 fn texel_at(lens: Lens, texel: vec2<i32>, level: u32, depth: f32) -> vec4<f32> {
     let scale = f32(1u << level);
     return position_at(lens, (vec2<f32>(texel) + 0.5) * scale, depth) * vec4<f32>(1.0, 1.0, 1.0, scale);
+}
+
+/// What a pixel shows.
+fn surface_at(lens: Lens, pixel: vec2<u32>) -> Surface {
+    let texel = textureLoad(surface_texture, pixel, 0).xy;
+    let depth = bitcast<f32>(texel.x);
+    let position = position_at(lens, vec2<f32>(pixel) + 0.5, max(depth, 1e-9));
+    return Surface(position.xyz, decode_unit(texel.y), position.w, depth > 0.0);
+}
+
+/// An ellipse along the axes of the screen, pixels.
+struct Disc {
+    middle: vec2<f32>,
+    radius: vec2<f32>,
+}
+
+/// Where a sphere is seen; all of the screen where it reaches behind the eye. Sigg et al. 2006, "GPU-Based Ray-Casting of
+/// Quadratic Surfaces", 3.2.
+fn sphere_on_screen(middle: vec3<f32>, radius: f32) -> Disc {
+    let size = vec2<f32>(textureDimensions(surface_texture));
+    let rows = transpose(view.clip_from_world);
+    let clip = view.clip_from_world * vec4<f32>(middle, 1.0);
+    let square = radius * radius;
+    let ww = clip.w * clip.w - square * dot(rows[3].xyz, rows[3].xyz);
+    if ww <= 0.0 {
+        return Disc(0.5 * size, size);
+    }
+    let xx = clip.xy * clip.xy - square * vec2<f32>(dot(rows[0].xyz, rows[0].xyz), dot(rows[1].xyz, rows[1].xyz));
+    let xw = clip.xy * clip.w - square * vec2<f32>(dot(rows[0].xyz, rows[3].xyz), dot(rows[1].xyz, rows[3].xyz));
+    let half_size = 0.5 * size;
+    let extent = sqrt(max(xw * xw - xx * ww, vec2<f32>(0.0)));
+    return Disc(half_size + vec2<f32>(xw.x, -xw.y) / ww * half_size, max(extent / ww * half_size, vec2<f32>(1e-3)));
 }

@@ -1,8 +1,7 @@
 // The residual at each pixel, or at every second one of every second row. Cost: see `integrate.wgsl`.
 
 #import bevy_pbr::rgb9e5::vec3_to_rgb9e5_
-#import bevy_bounce::interleaved::surface::unpack_surface
-#import bevy_bounce::ssbc::common::{view, parameters, surface_texture}
+#import bevy_bounce::ssbc::common::{parameters, surface_at, view_lens}
 #import bevy_bounce::ssbc::integrate::residual_light
 
 @group(0) @binding(3) var output: texture_storage_2d<r32uint, write>;
@@ -23,12 +22,11 @@ fn gather(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     if any(texel >= textureDimensions(output)) {
         return;
     }
-    let pixel = texel * parameters.scale;
-    let size = textureDimensions(surface_texture);
-    let surface = unpack_surface(textureLoad(surface_texture, pixel, 0).xy, pixel, size, view);
+    let lens = view_lens();
+    let surface = surface_at(lens, texel * parameters.scale);
     var light = 0u;
     if surface.valid {
-        light = vec3_to_rgb9e5_(residual_light(surface, pixel));
+        light = vec3_to_rgb9e5_(residual_light(lens, surface));
     }
     textureStore(output, texel, vec4<u32>(light, 0u, 0u, 0u));
 }

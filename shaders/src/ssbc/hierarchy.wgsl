@@ -1,4 +1,4 @@
-// A texel of the hierarchy: what its pixels show, in four words.
+// A texel of the hierarchy: what its pixels show, in four words. A pixel is one of level 0, and a plane.
 //
 // | word | a plane | an edge |
 // |---|---|---|
@@ -54,6 +54,16 @@ fn decode_range(word: u32) -> vec2<f32> {
     return bitcast<vec2<f32>>((vec2<u32>(word, word >> 16u) & vec2<u32>(0xffffu)) * (1u << RANGE_SHIFT) + LOWEST_DEPTH);
 }
 
+// Never 0: what is seen stays seen.
+fn pack_area(ratio: f32) -> u32 {
+    return pack2x16float(vec2<f32>(clamp(ratio, 1e-4, HALF_MAX), 0.0));
+}
+
+/// A pixel, from its texel of the surface texture.
+fn encode_pixel(surface: vec2<u32>, area_ratio: f32, radiance: vec3<f32>) -> vec4<u32> {
+    return vec4<u32>(surface, pack_area(area_ratio), vec3_to_rgb9e5_(radiance));
+}
+
 fn encode_node(lens: Lens, node: Node, texel: vec2<i32>, level: u32) -> vec4<u32> {
     if node.area <= 0.0 {
         return vec4<u32>(0u);
@@ -66,12 +76,10 @@ fn encode_node(lens: Lens, node: Node, texel: vec2<i32>, level: u32) -> vec4<u32
         middle = 0.5 * (range.x + range.y);
     }
     let edge = texel_at(lens, texel, level, middle).w;
-    // Never 0: what is seen stays seen.
-    let area = pack2x16float(vec2<f32>(clamp(node.area / (edge * edge), 1e-4, HALF_MAX), 0.0));
     return vec4<u32>(
         depth,
         encode_unit(node.normal),
-        area | select(0u, EDGE, node.edge),
+        pack_area(node.area / (edge * edge)) | select(0u, EDGE, node.edge),
         vec3_to_rgb9e5_(node.radiance),
     );
 }
@@ -79,6 +87,9 @@ fn encode_node(lens: Lens, node: Node, texel: vec2<i32>, level: u32) -> vec4<u32
 fn decode_node(lens: Lens, words: vec4<u32>, texel: vec2<i32>, level: u32) -> Node {
     var node: Node;
     let ratio = unpack2x16float(words.z & 0xffffu).x;
+    if ratio == 0.0 {
+        return node;
+    }
     node.edge = (words.z & EDGE) != 0u;
     node.normal = decode_unit(words.y);
     if node.edge {

@@ -1,24 +1,24 @@
 // What each pixel sends to its surroundings: diffuse direct light, bounced light as far as it is known, emission. Specular
-// light and fog are not in it. Alpha: area of the pixel's surface over that of the pixel seen head-on.
+// light and fog are not in it. With it the area of the pixel's surface: level 0 of the hierarchy.
 //
 // Surfaces seen at more than 80 degrees are sampled too sparsely to stand for their area: it decays with the square of the
 // cosine. Novak et al. 2011, 4.3.
 //
 // Cost: one thread a pixel, five loads.
 
-#import bevy_bounce::interleaved::surface::{Surface, unpack_surface, toward_eye}
-#import bevy_bounce::ssbc::common::{view, parameters, surface_texture}
-#import bevy_bounce::ssbc::hierarchy::HALF_MAX
+#import bevy_bounce::interleaved::surface::{Surface, toward_eye}
+#import bevy_bounce::ssbc::common::{view, surface_texture, surface_at, view_lens}
+#import bevy_bounce::ssbc::hierarchy::encode_pixel
 #import bevy_pbr::pbr_deferred_types::unpack_unorm4x8_
 #import bevy_pbr::rgb9e5::rgb9e5_to_vec3_
 #ifdef COMPENSATED
-#import bevy_bounce::ssbc::upsample::upsample
+#import bevy_bounce::ssbc::upsample::{is_lit_near, upsample}
 #endif
 
 @group(0) @binding(4) var deferred_texture: texture_2d<u32>;
 @group(0) @binding(5) var direct_diffuse: texture_2d<f32>;
 @group(0) @binding(6) var indirect: texture_2d<f32>;
-@group(0) @binding(7) var output: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(7) var output: texture_storage_2d<rgba32uint, write>;
 
 /// Cosine of 80 degrees.
 const GRAZING: f32 = 0.173648178;
@@ -38,9 +38,10 @@ fn radiance(@builtin(global_invocation_id) id: vec3<u32>) {
     if any(id.xy >= size) {
         return;
     }
-    let surface = unpack_surface(textureLoad(surface_texture, id.xy, 0).xy, id.xy, size, view);
+    let lens = view_lens();
+    let surface = surface_at(lens, id.xy);
     if !surface.valid {
-        textureStore(output, id.xy, vec4<f32>(0.0));
+        textureStore(output, id.xy, vec4<u32>(0u));
         return;
     }
     // As Bevy unpacks them in bevy_pbr/src/deferred/pbr_deferred_functions.wgsl.
@@ -50,8 +51,11 @@ fn radiance(@builtin(global_invocation_id) id: vec3<u32>) {
     let reflected = base_color * ((1.0 - properties.g) * properties.b);
     var irradiance = textureLoad(indirect, id.xy, 0).rgb;
 #ifdef COMPENSATED
-    irradiance += upsample(surface, id.xy).rgb;
+    if is_lit_near(id.xy) {
+        irradiance += upsample(lens, surface, id.xy).light;
+    }
 #endif
     let light = rgb9e5_to_vec3_(packed.g) + textureLoad(direct_diffuse, id.xy, 0).rgb + irradiance * reflected;
-    textureStore(output, id.xy, vec4<f32>(min(light, vec3<f32>(HALF_MAX)), area_ratio(surface)));
+    let texel = textureLoad(surface_texture, id.xy, 0).xy;
+    textureStore(output, id.xy, encode_pixel(texel, area_ratio(surface), light));
 }

@@ -7,15 +7,11 @@
 
 #import bevy_bounce::ssbc::common::{surface_texture, view_lens, texel_at, Lens}
 #import bevy_bounce::ssbc::hierarchy::{Node, encode_node, decode_node, SSBC_LEVELS}
-#ifdef FROM_PIXELS
-#import bevy_bounce::shared::octahedral::decode_unit
-#endif
 
+@group(0) @binding(3) var source: texture_2d<u32>;
 #ifdef FROM_PIXELS
-@group(0) @binding(3) var radiance_texture: texture_2d<f32>;
 const BELOW: u32 = 0u;
 #else
-@group(0) @binding(3) var source: texture_2d<u32>;
 const BELOW: u32 = SSBC_LEVELS / 2u;
 #endif
 @group(0) @binding(4) var fine: texture_storage_2d<rgba32uint, write>;
@@ -30,28 +26,14 @@ const GROUP: u32 = 8u;
 
 var<workgroup> nodes: array<Node, 64>;
 
-#ifdef FROM_PIXELS
 fn load_below(lens: Lens, texel: vec2<i32>) -> Node {
-    var node: Node;
-    if any(texel >= vec2<i32>(textureDimensions(surface_texture))) {
-        return node;
-    }
-    let surface = textureLoad(surface_texture, texel, 0).xy;
-    let light = textureLoad(radiance_texture, texel, 0);
-    node.depth = bitcast<f32>(surface.x);
+    var node = decode_node(lens, textureLoad(source, texel, 0), texel, BELOW);
+#ifdef FROM_PIXELS
     node.near = node.depth;
     node.far = node.depth;
-    node.normal = decode_unit(surface.y);
-    let edge = texel_at(lens, texel, 0u, node.depth).w;
-    node.area = select(0.0, max(light.a, 1e-4) * edge * edge, node.depth > 0.0);
-    node.radiance = light.rgb;
+#endif
     return node;
 }
-#else
-fn load_below(lens: Lens, texel: vec2<i32>) -> Node {
-    return decode_node(lens, textureLoad(source, texel, 0), texel, BELOW);
-}
-#endif
 
 // Whether a texel of that level has pixels.
 fn is_in_view(texel: vec2<i32>, level: u32) -> bool {

@@ -12,6 +12,8 @@ use super::decode_unit;
 const NORMAL_EDGE: f32 = 0.95;
 const PLANE_EDGE: f32 = 0.25;
 const FLAT: f32 = 0.002;
+const LOBE_HEIGHT: f32 = 0.438_691_34;
+const LOBE_RADIUS: f32 = 0.620_403_23;
 const HALF_DIAGONAL: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
 /// World positions as a function of pixel coordinates and depth.
@@ -22,6 +24,7 @@ pub struct Lens {
     y: Vec4,
     depth: Vec4,
     pixel: f32,
+    clip_from_world: Mat4,
 }
 
 impl Lens {
@@ -36,6 +39,7 @@ impl Lens {
             y,
             depth: m.z_axis,
             pixel: y.xyz().length(),
+            clip_from_world: m.inverse(),
         }
     }
 
@@ -80,7 +84,7 @@ struct Node {
     radiance: Vec3,
 }
 
-/// Levels above the pixels, the first of 2x2. Nothing is packed here.
+/// All levels, from the pixels up. Nothing is packed here.
 pub struct Hierarchy {
     levels: Vec<(IVec2, Vec<Node>)>,
 }
@@ -126,24 +130,25 @@ impl GBuffer {
 impl Hierarchy {
     /// All levels.
     pub fn new(gbuffer: &GBuffer) -> Self {
-        let mut levels = Vec::<(IVec2, Vec<Node>)>::new();
         let padded = gbuffer.size.map(|pixels| pixels.next_multiple_of(1 << SSBC_LEVELS));
-        for level in 1..=SSBC_LEVELS {
+        let texels = |level: u32| {
             let size = (padded >> UVec2::splat(level)).as_ivec2();
-            let below = |texel: IVec2| match levels.last() {
-                Some((size, nodes)) => nodes[(texel.y * size.x + texel.x) as usize],
-                None => gbuffer.node(texel),
-            };
-            let texels = (0..size.y).flat_map(|y| (0..size.x).map(move |x| IVec2::new(x, y)));
+            (size, (0..size.y).flat_map(move |y| (0..size.x).map(move |x| IVec2::new(x, y))))
+        };
+        let (size, pixels) = texels(0);
+        let mut levels = vec![(size, pixels.map(|pixel| gbuffer.node(pixel)).collect::<Vec<Node>>())];
+        for level in 1..=SSBC_LEVELS {
+            let (below_size, below) = &levels[level as usize - 1];
+            let below = |texel: IVec2| below[(texel.y * below_size.x + texel.x) as usize];
+            let (size, texels) = texels(level);
             let nodes = texels.map(|texel| merge(gbuffer, [0, 1, 2, 3].map(|i| below(child(texel, i))), texel, level));
-            let nodes = nodes.collect();
-            levels.push((size, nodes));
+            levels.push((size, nodes.collect()));
         }
         Self { levels }
     }
 
     fn node(&self, texel: IVec2, level: u32) -> Node {
-        let (size, nodes) = &self.levels[level as usize - 1];
+        let (size, nodes) = &self.levels[level as usize];
         nodes[(texel.y * size.x + texel.x) as usize]
     }
 }
@@ -241,7 +246,8 @@ impl Integral<'_> {
             return NOTHING;
         }
         let between = (distance - 0.5 * radius).max(other_height).powi(2);
-        if node.area * height * other_height / (between * (between + node.area / PI)) > self.parameters.solid_angle {
+        let solid_angle = node.area * height * other_height / (between * (between + node.area / PI));
+        if level > 0 && solid_angle > self.parameters.solid_angle {
             return Visit::Refine;
         }
         let weight = node.area * residual_term(middle.max(0.0), other_height, square, node.area, self.bound);
@@ -272,13 +278,6 @@ impl Integral<'_> {
     }
 
     fn visit(&self, texel: IVec2, level: u32) -> Visit {
-        if level == 0 {
-            if !self.gbuffer.contains(texel, 0) {
-                return NOTHING;
-            }
-            let pixel = texel.as_uvec2();
-            return Visit::Light(pixel_light(self.gbuffer, self.position, self.normal, pixel, self.bound));
-        }
         let node = self.hierarchy.node(texel, level);
         match (node.area > 0.0, node.edge) {
             (false, _) => NOTHING,
@@ -288,11 +287,35 @@ impl Integral<'_> {
     }
 }
 
-fn is_within(texel: IVec2, level: u32, pixel: UVec2, radius: f32) -> bool {
+/// An ellipse along the axes of the screen, pixels.
+#[derive(Clone, Copy, Debug)]
+pub struct Disc {
+    /// Where it is.
+    pub middle: Vec2,
+    /// Along each axis.
+    pub radius: Vec2,
+}
+
+/// Where a sphere is seen.
+pub fn sphere_on_screen(clip_from_world: Mat4, size: UVec2, middle: Vec3, radius: f32) -> Disc {
+    let half_size = 0.5 * size.as_vec2();
+    let row = |i: usize| clip_from_world.row(i).xyz();
+    let clip = clip_from_world * middle.extend(1.0);
+    let product = |i: usize, j: usize| clip[i] * clip[j] - radius * radius * row(i).dot(row(j));
+    let ww = product(3, 3);
+    if ww <= 0.0 {
+        return Disc { middle: half_size, radius: size.as_vec2() };
+    }
+    let at = Vec2::new(product(0, 3), -product(1, 3)) / ww;
+    let extent = Vec2::from_array([0, 1].map(|i| (product(i, 3).powi(2) - product(i, i) * ww).max(0.0).sqrt() / ww));
+    Disc { middle: half_size + at * half_size, radius: (extent * half_size).max(Vec2::splat(1e-3)) }
+}
+
+fn is_within(texel: IVec2, level: u32, disc: Disc) -> bool {
     let half_edge = 0.5 * (1 << level) as f32;
     let middle = (texel.as_vec2() * 2.0 + 1.0) * half_edge;
-    let away = ((middle - pixel.as_vec2() - 0.5).abs() - half_edge).max(Vec2::ZERO);
-    away.length_squared() < radius * radius
+    let away = ((middle - disc.middle).abs() - half_edge).max(Vec2::ZERO) / disc.radius;
+    away.length_squared() < 1.0
 }
 
 /// The residual at a pixel, through the hierarchy; nothing where nothing is seen.
@@ -304,17 +327,19 @@ pub fn gather(
     pixel: UVec2,
 ) -> Gathered {
     let mut gathered = Gathered::default();
-    let Some((position, normal, footprint)) = gbuffer.surface_at(pixel) else { return gathered };
+    let Some((position, normal, _)) = gbuffer.surface_at(pixel) else { return gathered };
     let integral = Integral { gbuffer, hierarchy, parameters, bound, position, normal };
-    let radius = 1.0 / bound.sqrt() / footprint;
-    let top = (radius + 0.5).log2().ceil().clamp(0.0, SSBC_LEVELS as f32) as u32;
+    let reach = 1.0 / bound.sqrt();
+    let (size, lobe) = (gbuffer.size, position + normal * (LOBE_HEIGHT * reach));
+    let disc = sphere_on_screen(gbuffer.lens.clip_from_world, size, lobe, LOBE_RADIUS * reach);
+    let top = (4.0 * disc.radius.max_element()).log2().ceil().clamp(0.0, SSBC_LEVELS as f32) as u32;
     let shift = IVec2::splat(top as i32);
-    let low = (pixel.as_vec2() - radius).max(Vec2::ZERO).as_ivec2() >> shift;
-    let high = (pixel.as_vec2() + radius).min(gbuffer.size.as_vec2() - 1.0).as_ivec2() >> shift;
+    let low = (disc.middle - disc.radius).max(Vec2::ZERO).as_ivec2() >> shift;
+    let high = (disc.middle + disc.radius).clamp(Vec2::ZERO, size.as_vec2() - 1.0).as_ivec2() >> shift;
     let mut waiting: Vec<(IVec2, u32)> =
         (low.y..=high.y).flat_map(|y| (low.x..=high.x).map(move |x| (IVec2::new(x, y), top))).collect();
     while let Some((texel, level)) = waiting.pop() {
-        if !is_within(texel, level, pixel, radius) {
+        if !is_within(texel, level, disc) {
             continue;
         }
         gathered.samples += 1;
@@ -334,9 +359,10 @@ pub fn flat_sum(gbuffer: &GBuffer, bound: f32, pixel: UVec2) -> Gathered {
     let radius = 1.0 / bound.sqrt() / footprint;
     let low = (pixel.as_vec2() - radius).max(Vec2::ZERO).as_uvec2();
     let high = (pixel.as_vec2() + radius).ceil().as_uvec2().min(gbuffer.size - 1);
+    let disc = Disc { middle: pixel.as_vec2() + 0.5, radius: Vec2::splat(radius) };
     for y in low.y..=high.y {
         for x in low.x..=high.x {
-            if is_within(IVec2::new(x as i32, y as i32), 0, pixel, radius) {
+            if is_within(IVec2::new(x as i32, y as i32), 0, disc) {
                 gathered.samples += 1;
                 gathered.light += pixel_light(gbuffer, position, normal, UVec2::new(x, y), bound);
             }

@@ -9,27 +9,28 @@
 //!
 //! Each iteration:
 //!
-//! 1. `radiance`: what each pixel sends, with what the iterations before have found. Into the view's `interleaved` texture,
-//!    which is free by then.
-//! 2. `reduce`, twice: six levels of depth, normal, area and radiance above the pixels, each texel marked where an edge runs
-//!    through it.
-//! 3. `gather`: a descent through the levels at each pixel, or at each fourth.
+//! 1. `radiance`: what each pixel sends, with what the iterations before have found, beside its depth, normal and area: the
+//!    lowest level of the hierarchy.
+//! 2. `reduce`, twice: six levels of the same above the pixels, each texel marked where an edge runs through it.
+//! 3. `gather`: a descent through the levels at each pixel, or at each fourth, from the few texels that hold all that can be
+//!    above the bound.
 //!
 //! Then `apply` adds the residual to the bounced light: upsampled among pixels of one surface, and integrated anew where
-//! that fails.
+//! that fails and something was found near.
 //!
 //! # Data
 //!
 //! | texture | bytes at 1280x720 | holds |
 //! |---|---|---|
-//! | `hierarchy` | 5.0 MiB | levels of 2 to 64 pixels a texel: see `ssbc/hierarchy.wgsl` |
+//! | `hierarchy` | 20 MiB | levels of 1 to 64 pixels a texel: see `ssbc/hierarchy.wgsl` |
 //! | `residual` | 3.5 MiB, at half resolution 0.9 MiB | irradiance over pi that is added, rgb9e5 |
 //! | `blurred` | as much, where [`SsbcSettings::blur`] asks for it | the same, blurred |
 //!
 //! # Where it differs from the paper
 //!
 //! Emission is part of what is integrated: emissive surfaces light others through virtual lights here, and those are
-//! bounded, too. A texel that can have nothing above the bound anywhere within it is left out at once, by the heights of
+//! bounded, too. The descent starts from the smallest sphere round the lobe over the receiver in which the geometry term can be
+//! above the bound, and a texel that can have nothing above it anywhere within it is left out at once, by the heights of
 //! each end over the other's plane. An edge keeps the range of its depths, so that what lies near is not overlooked because
 //! the mean lies far. The descent needs no stack.
 //!

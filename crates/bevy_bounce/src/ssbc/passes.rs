@@ -56,23 +56,21 @@ impl<'a> Inputs<'a> {
 
     /// Bindings of what integrates, with number 3.
     fn integrand(&self, residual: &'a TextureView) -> Vec<BindingResource<'a>> {
-        let (radiance, hierarchy) = (texture(&self.textures.interleaved), texture(&self.ours.hierarchy));
         let (header, densities) = (whole(&self.vpl.header), whole(&self.vpl.densities));
-        self.with([texture(residual), header, self.grid.clone(), densities, radiance, hierarchy])
+        self.with([texture(residual), header, self.grid.clone(), densities, texture(&self.ours.hierarchy)])
     }
 
     fn groups(&self, p: &SsbcPipelines, device: &RenderDevice, cache: &PipelineCache) -> Groups {
         let (textures, ours) = (self.textures, self.ours);
+        let levels = |first: usize, count: usize| ours.levels[first..first + count].iter().map(texture);
         let radiance = self.with([
             texture(&ours.residual),
             texture(self.deferred),
             texture(&textures.direct_diffuse),
             texture(&textures.indirect),
-            texture(&textures.interleaved),
+            texture(&ours.levels[0]),
         ]);
-        let levels = || ours.levels.iter().map(texture);
-        let from_pixels = self.with([texture(&textures.interleaved)].into_iter().chain(levels().take(LEVELS_AT_ONCE)));
-        let from_level = self.with(levels().skip(LEVELS_AT_ONCE - 1));
+        let [from_pixels, from_level] = [0, LEVELS_AT_ONCE].map(|below| self.with(levels(below, 1 + LEVELS_AT_ONCE)));
         let result = ours.blurred.as_ref().unwrap_or(&ours.residual);
         Groups {
             radiance: [0, 1].map(|i| p.radiance[i].bind(device, cache, &radiance)),
@@ -116,8 +114,8 @@ impl Sizes {
         let groups = |texels: UVec2| texels.map(|texels| texels.div_ceil(GROUP)).extend(1);
         Self {
             pixels: groups(textures.size),
-            low_levels: groups(ours.level_size(0)),
-            high_levels: groups(ours.level_size(LEVELS_AT_ONCE as u32)),
+            low_levels: groups(ours.level_size(1)),
+            high_levels: groups(ours.level_size(1 + LEVELS_AT_ONCE as u32)),
             residual: groups(ours.residual_size),
         }
     }

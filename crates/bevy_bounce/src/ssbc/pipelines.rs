@@ -52,12 +52,12 @@ pub(super) fn init_pipelines(
         let defs = defs.iter().map(|def| (*def).into()).collect();
         Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs })
     };
-    // View, parameters, surface, residual; G-buffer, direct diffuse, bounced light; radiance.
-    let radiance = [uniform, uniform, words, words, words, light, light, write(TextureFormat::Rgba16Float)];
+    // View, parameters, surface, residual; G-buffer, direct diffuse, bounced light; lowest level.
+    let radiance = [uniform, uniform, words, words, words, light, light, node];
     // View, parameters, surface, level below; three levels.
-    let reduce = |below| [uniform, uniform, words, below, node, node, node];
-    // View, parameters, surface, residual; header, grid, densities, radiance, levels.
-    let integrand = |residual| [uniform, uniform, words, residual, header, uniform, header, light, words];
+    let reduce = [uniform, uniform, words, words, node, node, node];
+    // View, parameters, surface, residual; header, grid, densities, levels.
+    let integrand = |residual| [uniform, uniform, words, residual, header, uniform, header, words];
     let (gather, apply) = (integrand(residual), integrand(words));
     // View, parameters, surface, residual; blurred.
     let blur = [uniform, uniform, words, words, residual];
@@ -86,8 +86,8 @@ pub(super) fn init_pipelines(
             kernel("ssbc/radiance.wgsl", "radiance", &radiance, &["COMPENSATED"]),
         ],
         reduce: [
-            kernel("ssbc/reduce.wgsl", "reduce", &reduce(light), &["FROM_PIXELS"]),
-            kernel("ssbc/reduce.wgsl", "reduce", &reduce(words), &[]),
+            kernel("ssbc/reduce.wgsl", "reduce", &reduce, &["FROM_PIXELS"]),
+            kernel("ssbc/reduce.wgsl", "reduce", &reduce, &[]),
         ],
         gather: kernel("ssbc/gather.wgsl", "gather", &gather, &[]),
         blur: kernel("ssbc/blur.wgsl", "blur", &blur, &[]),

@@ -12,6 +12,8 @@ use super::SsbcSettings;
 use crate::Resolution;
 use crate::view::{GiView, ViewTextures};
 
+/// Levels of the hierarchy, the pixels among them.
+const LEVELS: u32 = 1 + SSBC_LEVELS;
 /// Bytes of a texel of the hierarchy.
 const NODE_BYTES: u64 = 16;
 /// Bytes of a texel of the residual.
@@ -23,7 +25,7 @@ pub(crate) struct SsbcTextures {
     key: (UVec2, Resolution, bool),
     /// How it integrates.
     pub parameters: UniformBuffer<SsbcParameters>,
-    /// All levels above the pixels.
+    /// All levels, from the pixels up.
     pub hierarchy: TextureView,
     /// Each of them.
     pub levels: Vec<TextureView>,
@@ -40,7 +42,7 @@ impl SsbcTextures {
         let scale = settings.resolution.pixels_a_texel();
         let residual_size = size.map(|pixels| pixels.div_ceil(scale));
         let hierarchy =
-            texture(device, "bounce_ssbc_hierarchy", hierarchy_size(size), SSBC_LEVELS, TextureFormat::Rgba32Uint);
+            texture(device, "bounce_ssbc_hierarchy", hierarchy_size(size), LEVELS, TextureFormat::Rgba32Uint);
         let residual = |label| whole(&texture(device, label, residual_size, 1, TextureFormat::R32Uint));
         let level = |level| {
             hierarchy.create_view(&TextureViewDescriptor {
@@ -55,7 +57,7 @@ impl SsbcTextures {
             key: key(size, &settings),
             parameters,
             hierarchy: whole(&hierarchy),
-            levels: (0..SSBC_LEVELS).map(level).collect(),
+            levels: (0..LEVELS).map(level).collect(),
             residual: residual("bounce_ssbc_residual"),
             blurred: settings.blur.then(|| residual("bounce_ssbc_blurred")),
             residual_size,
@@ -70,7 +72,7 @@ impl SsbcTextures {
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> [(&'static str, u64); 2] {
         let texels = |size: UVec2| u64::from(size.x) * u64::from(size.y);
-        let hierarchy: u64 = (0..SSBC_LEVELS).map(|level| texels(self.level_size(level)) * NODE_BYTES).sum();
+        let hierarchy: u64 = (0..LEVELS).map(|level| texels(self.level_size(level)) * NODE_BYTES).sum();
         let residuals = 1 + u64::from(self.blurred.is_some());
         [("ssbc: hierarchy", hierarchy), ("ssbc: residual", texels(self.residual_size) * RESIDUAL_BYTES * residuals)]
     }
@@ -90,9 +92,9 @@ fn parameters(settings: &SsbcSettings) -> SsbcParameters {
     }
 }
 
-/// Texels of the first level above the pixels, such that the last one has whole ones, too.
+/// Texels of the level of the pixels, such that the last one has whole ones, too.
 fn hierarchy_size(size: UVec2) -> UVec2 {
-    size.map(|pixels| pixels.next_multiple_of(1 << SSBC_LEVELS) / 2)
+    size.map(|pixels| pixels.next_multiple_of(1 << SSBC_LEVELS))
 }
 
 fn texture(device: &RenderDevice, label: &str, size: UVec2, mips: u32, format: TextureFormat) -> Texture {
