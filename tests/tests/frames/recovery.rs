@@ -3,11 +3,13 @@
 use std::path::Path;
 use std::time::Duration;
 
+use bevy::light::{FogVolume, VolumetricFog, VolumetricLight};
 use bevy::prelude::*;
 use bevy::render::error_handler::{RenderErrorHandler, RenderErrorPolicy};
 use bevy::render::renderer::RenderDevice;
 use bevy_bounce::{
     GiIsolate, GiSettings, GlobalIllumination, Quality, RadianceCacheSettings, SsbcSettings, Technique, VplVisibility,
+    gpu_memory,
 };
 use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
 use bevy_bounce_examples::scenes::CornellPlugin;
@@ -15,7 +17,7 @@ use bevy_bounce_examples::{Run, adapter};
 use bevy_bounce_tests::baked::small_cornell_box;
 use bevy_bounce_tests::gpu::webgpu_limits;
 use bevy_bounce_tests::metrics::Metrics;
-use bevy_bounce_tests::stage::{SMALL, Stage, run};
+use bevy_bounce_tests::stage::{SMALL, Stage, illumination, run};
 
 const SIZE: UVec2 = UVec2::new(64, 36);
 /// Frames from a loss to the first picture of another device: the loss is noticed, a device is made, its resources are.
@@ -109,6 +111,30 @@ fn probes_recover() {
         app.add_plugins(CornellPlugin);
     });
     recovers(&mut stage, "probes");
+}
+
+/// Light in volumetric fog.
+#[test]
+fn fog_recovers() {
+    let light = illumination(GiSettings { probes: 8, ..SMALL });
+    let run = Run { isolate: GiIsolate::All, ..run(SIZE, Some(light)) };
+    let mut stage = Stage::with_run(run, |app| {
+        carry_on(app);
+        app.add_plugins(CornellPlugin);
+    });
+    let clear = stage.picture();
+    let camera = stage.only::<Camera3d>();
+    let world = stage.world();
+    world.entity_mut(camera).insert(VolumetricFog::default());
+    world.spawn((PointLight { intensity: 0.0, ..default() }, VolumetricLight));
+    world.spawn((FogVolume::default(), Transform::from_xyz(0.0, 2.0, 0.0).with_scale(Vec3::splat(3.0))));
+    settle(&mut stage);
+    assert!(stage.picture() != clear, "fog does not show");
+    let held = |stage: &mut Stage| gpu_memory(stage.render_world_mut()).get("fog: light").copied();
+    let before = held(&mut stage);
+    assert!(before.is_some(), "fog is not lit");
+    recovers(&mut stage, "fog");
+    assert_eq!(held(&mut stage), before, "fog is no longer lit");
 }
 
 /// A game that asks for nothing ends with an error, as Bevy has it.

@@ -6,8 +6,8 @@
 //!
 //! 1. `fog/scatter.wgsl` marches through each `FogVolume` as Bevy does, in the same order: what one scatters is dimmed by those that Bevy draws
 //!    over it.
-//! 2. `fog/add.wgsl` adds the sum to the picture, once Bevy has drawn its fog and before what runs on finished pictures. As with Bevy's
-//!    own, what is blended lies behind all fog before the next opaque surface.
+//! 2. `fog/add.wgsl` adds the sum to the picture, once Bevy has drawn its fog and before temporal anti-aliasing and what runs on finished
+//!    pictures. As with Bevy's own, what is blended lies behind all fog before the next opaque surface.
 //!
 //! `FogVolume::fog_color`, `light_tint` and `light_intensity` count for bounced light as for lamps.
 //!
@@ -29,13 +29,13 @@
 //!
 //! Bevy draws no fog at all while no light is a `VolumetricLight`, and no other technique than those with virtual lights has probes: there
 //! the picture is Bevy's, as on the web, where Bevy reads no irradiance volumes. [`GiIsolate`](crate::GiIsolate) leaves out all that is added here.
-//! Next to temporal antialiasing, which runs at the same place of a frame, `VolumetricFog::jitter` may stay visible in bounced light.
 
 mod extract;
 mod passes;
 mod pipelines;
 mod prepare;
 
+use bevy::anti_alias::taa::temporal_anti_alias;
 use bevy::core_pipeline::schedule::{Core3d, Core3dSystems};
 use bevy::prelude::*;
 use bevy::render::render_resource::SpecializedRenderPipelines;
@@ -73,6 +73,7 @@ impl Plugin for GiFogPlugin {
                     prepare::prepare_fog.in_set(RenderSystems::PrepareResources),
                 ),
             )
-            .add_systems(Core3d, passes::fog_pass.in_set(Core3dSystems::EarlyPostProcess));
+            // Anti-aliasing puts another texture in the picture's place: what is added at the same time may be lost.
+            .add_systems(Core3d, passes::fog_pass.in_set(Core3dSystems::EarlyPostProcess).before(temporal_anti_alias));
     }
 }
