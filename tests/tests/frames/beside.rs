@@ -1,8 +1,8 @@
 //! Bounced light beside what else Bevy does to a picture: each of it, and each pair.
 //!
-//! Light is counted once: the mean of the whole picture is that of direct and of bounced light together. Two of Bevy's effects do
-//! not keep to sums, and are held to what they do: fog takes some of the bounced light, and screen-space reflections show
-//! it once more.
+//! Light is counted once: the mean of the whole picture is that of direct and of bounced light together. Three of Bevy's effects do
+//! not keep to sums, and are held to what they do: fog takes some of the bounced light, of which volumetric fog scatters some, and
+//! screen-space reflections show it once more.
 
 use std::ops::Range;
 
@@ -27,6 +27,8 @@ const SIZE: UVec2 = UVec2::new(64, 36);
 const EXPOSURE: Exposure = Exposure { ev100: 6.0 };
 /// Frames until a picture stands still: temporal anti-aliasing goes through its eight places once.
 const FRAMES: usize = 10;
+/// That light volumetric fog.
+const PROBES: u32 = 8;
 
 /// What else there may be.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +39,7 @@ enum Effect {
     Occlusion,
     Reflections,
     Fog,
+    VolumetricFog,
     Lightmaps,
     IrradianceVolume,
     EnvironmentMap,
@@ -44,8 +47,18 @@ enum Effect {
 
 use Effect::*;
 
-const EFFECTS: [Effect; 9] =
-    [TemporalAntiAliasing, Fxaa, Bloom, Occlusion, Reflections, Fog, Lightmaps, IrradianceVolume, EnvironmentMap];
+const EFFECTS: [Effect; 10] = [
+    TemporalAntiAliasing,
+    Fxaa,
+    Bloom,
+    Occlusion,
+    Reflections,
+    Fog,
+    VolumetricFog,
+    Lightmaps,
+    IrradianceVolume,
+    EnvironmentMap,
+];
 
 /// Storage textures that a stage of Bevy's occlusion has.
 const OCCLUSION_TEXTURES: u32 = 5;
@@ -125,6 +138,10 @@ fn add(effect: Effect, camera: &mut EntityWorldMut) {
             let falloff = FogFalloff::Exponential { density: 0.1 };
             put(camera, DistanceFog { color: Color::BLACK, falloff, ..default() });
         }
+        VolumetricFog => {
+            put(camera, light::VolumetricFog { ambient_intensity: 0.0, ..default() });
+            camera.world_scope(spawn_fog);
+        }
         Lightmaps => camera.world_scope(|world| {
             map(world, Some(Lightmap { image: images.lightmap, ..default() }));
         }),
@@ -146,12 +163,29 @@ fn put(camera: &mut EntityWorldMut, bundle: impl Bundle) {
     camera.insert(bundle);
 }
 
+/// Fog that fills the room and what is before it, the camera too, and scatters what the lamp sends into it.
+fn spawn_fog(world: &mut World) {
+    let (absorption, scattering, scattering_asymmetry) = (0.5, 1.0, 0.0);
+    let fog = light::FogVolume { density_factor: 0.06, absorption, scattering, scattering_asymmetry, ..default() };
+    world.spawn((fog, Transform::from_xyz(0.0, 2.0, 1.5).with_scale(Vec3::new(5.0, 4.5, 8.0))));
+    let mut lamps = world.query_filtered::<Entity, With<SpotLight>>();
+    let lamps: Vec<Entity> = lamps.iter(world).collect();
+    for lamp in lamps {
+        world.entity_mut(lamp).insert(light::VolumetricLight);
+    }
+}
+
 /// Takes from the scene what [`add`] gave it.
 fn clear(world: &mut World) {
-    let mut found = world.query_filtered::<Entity, With<light::IrradianceVolume>>();
+    let mut found = world.query_filtered::<Entity, Or<(With<light::IrradianceVolume>, With<light::FogVolume>)>>();
     let volumes: Vec<Entity> = found.iter(world).collect();
     for volume in volumes {
         world.despawn(volume);
+    }
+    let mut lamps = world.query_filtered::<Entity, With<light::VolumetricLight>>();
+    let lamps: Vec<Entity> = lamps.iter(world).collect();
+    for lamp in lamps {
+        world.entity_mut(lamp).remove::<light::VolumetricLight>();
     }
     map(world, None);
 }
@@ -185,7 +219,8 @@ fn picture(stage: &mut Stage, effects: &[Effect], isolate: Option<GiIsolate>) ->
     let eye = Eye::open(stage, SIZE, EXPOSURE, place);
     let mut camera = stage.world().entity_mut(eye.camera);
     if let Some(isolate) = isolate {
-        camera.insert((illumination(SMALL), isolate));
+        let probes = if effects.contains(&VolumetricFog) { PROBES } else { 0 };
+        camera.insert((illumination(GiSettings { probes, ..SMALL }), isolate));
     }
     effects.iter().for_each(|effect| add(*effect, &mut camera));
     for _ in 0..FRAMES {
@@ -204,14 +239,15 @@ fn means(stage: &mut Stage, effects: &[Effect]) -> [f64; 3] {
         .map(|isolate| picture(stage, effects, Some(isolate)).mean_luminance())
 }
 
-/// What of the bounced light is in the whole picture: one, but for fog and reflections.
+/// What of the bounced light is in the whole picture: one, but for fog of both kinds and reflections.
 fn share_of_bounced_light(stage: &mut Stage, effects: &[Effect]) -> f64 {
     let [all, direct, bounced] = means(stage, effects);
     assert!(direct > 0.0 && bounced > 0.05 * direct, "{effects:?}: too little bounced light to tell");
     let sum = all / (direct + bounced);
     let share = (all - direct) / bounced;
     println!("{effects:?}: all {all:.3}, direct {direct:.3}, bounced {bounced:.3}, sum {sum:.4}, share {share:.3}");
-    let (fog, reflections) = (effects.contains(&Fog), effects.contains(&Reflections));
+    let fog = effects.contains(&Fog) || effects.contains(&VolumetricFog);
+    let reflections = effects.contains(&Reflections);
     match (fog, reflections) {
         (false, false) => assert!((sum - 1.0).abs() < 0.03, "{effects:?}: {all} of {direct} and {bounced}"),
         (true, false) => assert!((0.3..0.95).contains(&share), "{effects:?}: {share} of the bounced light"),
@@ -232,8 +268,25 @@ fn light_is_counted_once_beside_each_effect() {
     assert_eq!(plain, means(&mut stage, &[]), "an effect left something behind");
 }
 
+/// What volumetric fog takes of bounced light and what it scatters of it is the same beside what keeps to sums.
 #[test]
-#[ignore = "takes minutes: 36 pairs, three pictures each"]
+fn volumetric_fog_is_lit_alike_beside_each_effect() {
+    let mut stage = stage();
+    let alone = share_of_bounced_light(&mut stage, &[VolumetricFog]);
+    for effect in offered(&stage).into_iter().filter(|effect| *effect != VolumetricFog) {
+        let share = share_of_bounced_light(&mut stage, &[VolumetricFog, effect]) / alone;
+        match effect {
+            Fog => assert!((0.3..0.95).contains(&share), "{effect:?}: {share} of what there is without"),
+            Reflections => assert!((0.97..1.3).contains(&share), "{effect:?}: {share} of what there is without"),
+            // Of a sky more comes to what is in the air than to surfaces.
+            EnvironmentMap => assert!((1.0..1.3).contains(&share), "{effect:?}: {share} of what there is without"),
+            _ => assert!((share - 1.0).abs() < 0.05, "{effect:?}: {share} of what there is without"),
+        }
+    }
+}
+
+#[test]
+#[ignore = "takes minutes: 45 pairs, three pictures each"]
 fn light_is_counted_once_beside_each_pair_of_effects() {
     let mut stage = stage();
     let effects = offered(&stage);

@@ -131,6 +131,22 @@ fn a_split_screen_has_fog_in_both_halves() {
     }
 }
 
+/// Bevy draws no volume that is flat, as when it grows from nothing: none of it is lit, either.
+#[test]
+fn fog_without_a_size_is_none() {
+    let mut stage = foggy_box();
+    let fog = stage.only::<FogVolume>();
+    stage.world().entity_mut(fog).insert(FogVolume { density_factor: 0.0, ..default() });
+    let without = alone(&mut stage, front(), LIT);
+    stage.world().entity_mut(fog).insert(FogVolume { density_factor: 0.5, ..default() });
+    for scale in [Vec3::ZERO, Vec3::new(5.0, 0.0, 5.0), Vec3::new(0.0, 5.0, 5.0)] {
+        stage.world().entity_mut(fog).insert(Transform::from_xyz(0.0, 2.0, 0.0).with_scale(scale));
+        let [lit, dark] = [LIT, DARK].map(|probes| alone(&mut stage, front(), probes));
+        assert!(dark == without, "{scale}: Bevy draws it: {:?}", Metrics::new(&dark, &without));
+        assert!(lit == without, "{scale}: it is lit: {:?}", Metrics::new(&lit, &without));
+    }
+}
+
 /// Temporal anti-aliasing takes the picture with its fog, in each frame: beside the same camera without bounced light in its fog, none is lost.
 #[test]
 fn fog_is_lit_in_each_frame_beside_temporal_antialiasing() {

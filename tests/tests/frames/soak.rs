@@ -1,15 +1,17 @@
-//! Frames in which anything may happen: meshes, lights, cameras and settings that come, go and change, at random and by seed.
+//! Frames in which anything may happen: meshes, lights, fog, cameras and settings that come, go and change, at random and by seed.
 //!
 //! `BOUNCE_SOAK_FRAMES` and `BOUNCE_SOAK_SEED` choose another run; ignored tests are long ones. A failure names the seed and
 //! the last things that were done.
 
 mod actions;
+mod fogs;
 mod settings;
 mod skies;
 
 use std::time::Duration;
 
 use bevy::camera::{Exposure, Viewport};
+use bevy::light::VolumetricFog;
 use bevy::prelude::*;
 use bevy::render::render_resource::PipelineCache;
 use bevy::render::renderer::RenderDevice;
@@ -35,6 +37,7 @@ struct Soak {
     main: Entity,
     meshes: Vec<Entity>,
     lights: Vec<Entity>,
+    fogs: Vec<Entity>,
     cameras: Vec<Entity>,
     done: Vec<(usize, &'static str)>,
     /// Pictures of plain Bevy that had values that are not finite.
@@ -71,7 +74,7 @@ impl Soak {
             });
         });
         let main = stage.only::<Camera3d>();
-        let (meshes, lights, cameras) = (Vec::new(), Vec::new(), Vec::new());
+        let [meshes, lights, fogs, cameras] = std::array::from_fn(|_| Vec::new());
         Self {
             stage,
             random: Rng::with_seed(seed),
@@ -79,6 +82,7 @@ impl Soak {
             main,
             meshes,
             lights,
+            fogs,
             cameras,
             done: Vec::new(),
             not_finite_in_bevy: 0,
@@ -141,6 +145,7 @@ impl Soak {
     fn calm(&mut self) {
         let main = self.main;
         let mut camera = self.stage.world().entity_mut(main);
+        camera.remove::<VolumetricFog>();
         camera.insert((illumination(SMALL), Projection::default(), GiIsolate::All));
         if let Some(mut camera) = camera.get_mut::<Camera>() {
             camera.is_active = true;
@@ -150,9 +155,8 @@ impl Soak {
 
     /// Nothing is left but what was there at first.
     fn despawn_all(&mut self) {
-        let gone: Vec<Entity> =
-            self.meshes.drain(..).chain(self.lights.drain(..)).chain(self.cameras.drain(..)).collect();
-        for entity in gone {
+        let gone = [&mut self.meshes, &mut self.lights, &mut self.fogs, &mut self.cameras].map(std::mem::take);
+        for entity in gone.into_iter().flatten() {
             // Children went with their parents.
             if let Ok(entity) = self.stage.world().get_entity_mut(entity) {
                 entity.despawn();

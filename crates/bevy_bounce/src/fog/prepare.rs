@@ -91,11 +91,12 @@ pub(super) fn take_over_from_ambient_light(
     }
 }
 
-/// What of a volume does not depend on whether its texture is loaded.
-fn parameters(fog: &VolumetricFog, volume: &FogVolume, place: &GlobalTransform) -> FogParameters {
+/// What of a volume does not depend on whether its texture is loaded; `None` where it is flat, which Bevy does not draw.
+fn parameters(fog: &VolumetricFog, volume: &FogVolume, place: &GlobalTransform) -> Option<FogParameters> {
+    let local_from_world = Some(place.to_matrix().inverse()).filter(Mat4::is_finite)?;
     let light = volume.light_tint.to_linear().to_vec3() * volume.light_intensity;
-    FogParameters {
-        local_from_world: place.to_matrix().inverse(),
+    Some(FogParameters {
+        local_from_world,
         color: volume.fog_color.to_linear().to_vec3() * light,
         density: volume.density_factor,
         density_offset: volume.density_texture_offset,
@@ -106,7 +107,7 @@ fn parameters(fog: &VolumetricFog, volume: &FogVolume, place: &GlobalTransform) 
         radius: place.affine().transform_vector3(Vec3::splat(0.5)).length(),
         steps: fog.step_count,
         jitter: fog.jitter,
-    }
+    })
 }
 
 /// Finds each view its volumes, and the texture for their light.
@@ -128,9 +129,10 @@ pub(super) fn prepare_fog(
             continue;
         }
         for (volume, place) in &volumes {
+            let Some(parameters) = parameters(fog, volume, place) else { continue };
             let density = volume.density_texture.as_ref().map(Handle::id).filter(|id| images.get(*id).is_some());
             let has_texture = u32::from(density.is_some());
-            let offset = uniforms.0.push(&FogParameters { has_texture, ..parameters(fog, volume, place) });
+            let offset = uniforms.0.push(&FogParameters { has_texture, ..parameters });
             lit.volumes.push(LitVolume { offset, density });
         }
         if lit.is_drawn() {

@@ -10,6 +10,7 @@ use bevy_bounce_cssm::CssmAsset;
 use bevy_bounce_tests::baked::small_cornell_box;
 use fastrand::Rng;
 
+use super::fogs::{camera_fog, despawn_fog, drop_fog_asset, edit_fog, move_fog, spawn_fog, volumetric_light};
 use super::settings::{illumination, isolate};
 use super::skies::{drop_sky_asset, reflections, sky, skybox};
 use super::{SIZE, Soak};
@@ -51,6 +52,15 @@ pub const ACTIONS: &[(&str, Action)] = &[
     ("skybox", skybox),
     ("drop sky asset", drop_sky_asset),
     ("reflections", reflections),
+    ("spawn fog", spawn_fog),
+    ("despawn fog", despawn_fog),
+    ("move fog", move_fog),
+    ("edit fog", edit_fog),
+    ("drop fog asset", drop_fog_asset),
+    ("camera fog", camera_fog),
+    ("camera fog", camera_fog),
+    ("volumetric light", volumetric_light),
+    ("volumetric light", volumetric_light),
     ("settings", settings),
     ("settings", settings),
     ("isolate", look_at),
@@ -65,15 +75,15 @@ pub const ACTIONS: &[(&str, Action)] = &[
     ("resize target", resize_target),
 ];
 
-fn some(random: &mut Rng, entities: &[Entity]) -> Option<Entity> {
+pub(super) fn some(random: &mut Rng, entities: &[Entity]) -> Option<Entity> {
     (!entities.is_empty()).then(|| entities[random.usize(0..entities.len())])
 }
 
-fn unit(random: &mut Rng) -> f32 {
+pub(super) fn unit(random: &mut Rng) -> f32 {
     2.0 * random.f32() - 1.0
 }
 
-fn vector(random: &mut Rng) -> Vec3 {
+pub(super) fn vector(random: &mut Rng) -> Vec3 {
     Vec3::new(unit(random), unit(random), unit(random))
 }
 
@@ -82,7 +92,7 @@ pub(super) fn color(random: &mut Rng) -> Color {
 }
 
 /// Somewhere in a room of eight metres, of any size, now and then flat or mirrored.
-fn place(random: &mut Rng) -> Transform {
+pub(super) fn place(random: &mut Rng) -> Transform {
     let scale = match random.u32(0..12) {
         0 => Vec3::new(1.0, 0.0, 1.0),
         1 => Vec3::new(-1.0, 1.0, 1.0),
