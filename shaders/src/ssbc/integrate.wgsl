@@ -2,10 +2,10 @@
 // geometry term has above the bound. Novak et al. 2011, "Screen-Space Bias Compensation for Interactive High-Quality Global
 // Illumination with Virtual Point Lights", 3.2 and 4.
 //
-// Only a lobe over the receiver counts, distance^3 < height / bound. The descent starts at the level of which texels
-// are at least twice as wide as the smallest sphere round that lobe on the screen, so that up to four cover it, and goes on with the four below a texel where it fills too
-// large a solid angle, or where an edge runs through it; texels that have nothing above the bound anywhere are left out. It
-// needs no stack: the next texel follows from the last.
+// Only a lobe over the receiver counts, distance^3 < height / bound. The descent starts at the level of which texels are at
+// least twice as wide as the smallest sphere round that lobe on the screen, so that up to four cover it, and goes on with the
+// four below a texel where it fills too large a solid angle, or where an edge runs through it; texels that have nothing above
+// the bound anywhere are left out. It needs no stack: the next texel follows from the last.
 //
 // The geometry term of a texel of area A is that of a disk, cos cos / (d^2 + A / pi): the singularity of small distances
 // would come back through the areas otherwise. Nothing is taken to lie between.
