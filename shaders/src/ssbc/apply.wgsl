@@ -1,7 +1,8 @@
 // The residual onto the bounced light, which the blend of the pipeline adds it to: upsampled, and computed anew at pixels
-// of whose surface too few samples are near. Where no sample near has any, of whatever surface, there is none: two surfaces
-// that are near enough take from each other. Cost: four loads a pixel,
-// where one has some eight more, at those a whole integration.
+// of whose surface too few samples are near. Where no sample near has any, of whatever surface, none is taken to be: two
+// surfaces that are near enough give to each other. A surface that is narrower than the samples are apart may lose its share.
+//
+// Cost: four loads a pixel, some eight more where a sample has light, at pixels that are computed anew a whole integration.
 
 #import bevy_bounce::ssbc::common::{surface_at, view_lens}
 #import bevy_bounce::ssbc::integrate::residual_light

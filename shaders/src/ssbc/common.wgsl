@@ -68,8 +68,9 @@ struct Disc {
     radius: vec2<f32>,
 }
 
-/// Where a sphere is seen; all of the screen where it reaches behind the eye. Sigg et al. 2006, "GPU-Based Ray-Casting of
-/// Quadratic Surfaces", 3.2.
+/// Where a sphere is seen; all of the screen where it reaches behind the eye. What it has in common with the sphere's picture
+/// is the box round both: away from the middle of the screen that is a slanted ellipse, whose ends lie outside of this one.
+/// Sigg et al. 2006, "GPU-Based Ray-Casting of Quadratic Surfaces".
 fn sphere_on_screen(middle: vec3<f32>, radius: f32) -> Disc {
     let size = vec2<f32>(textureDimensions(surface_texture));
     let rows = transpose(view.clip_from_world);

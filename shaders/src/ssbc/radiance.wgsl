@@ -4,7 +4,7 @@
 // Surfaces seen at more than 80 degrees are sampled too sparsely to stand for their area: it decays with the square of the
 // cosine. Novak et al. 2011, 4.3.
 //
-// Cost: one thread a pixel, five loads.
+// Cost: one thread a pixel, five loads; four to twelve more from the second iteration on.
 
 #import bevy_bounce::interleaved::surface::{Surface, toward_eye}
 #import bevy_bounce::ssbc::common::{view, surface_texture, surface_at, view_lens}
