@@ -78,7 +78,6 @@ fn light_of(light: &gltf::khr_lights_punctual::Light, transform: Affine3A) -> Li
         Kind::Spot { inner_cone_angle, outer_cone_angle } => {
             found.kind = LIGHT_SPOT;
             found.spot_scale = 1.0 / (inner_cone_angle.cos() - outer_cone_angle.cos()).max(1e-4);
-            found.spot_offset = -outer_cone_angle.cos() * found.spot_scale;
             found.spot_cos_outer = outer_cone_angle.cos();
         }
         Kind::Directional => found.kind = LIGHT_DIRECTIONAL,

@@ -155,9 +155,10 @@ impl TestScene {
         let emissive = self.chunks(|instance| self.materials[instance.material as usize].emissive != Vec3::ZERO);
         let mut power = 0.0;
         let mut lights = self.lights.clone();
-        for light in &mut lights {
+        for (name, light) in lights.iter_mut().enumerate() {
             power += light.cumulative_power;
             light.cumulative_power = power;
+            light.name = name as u32;
         }
         let (bounds_min, bounds_max) = self.bounds();
         let boxes: Vec<_> = self.regions.iter().copied().chain([(bounds_min, bounds_max)]).collect();

@@ -209,7 +209,7 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     let frame = tile_frame(vpl.normal);
     let known = known_object(light);
     // That of the vertex of the path, wherever in the list the light is.
-    let light_name = hash(hash(vpl.path) ^ (vpl.bounce_met & ~MET));
+    let light_name = hash(hash(vpl.sample) ^ (vpl.bounce_met & ~MET));
 
     for (var first = 0u; first < parameters.occluder_count; first += GROUP) {
         if first + lane < parameters.occluder_count {

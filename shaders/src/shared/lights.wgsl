@@ -20,7 +20,7 @@ fn range_window(range: f32, square_distance: f32) -> f32 {
 
 /// Bevy's fall-off of a spot light in a direction from it.
 fn spot_window(light: Light, direction: vec3<f32>) -> f32 {
-    let window = clamp(dot(direction, light.direction) * light.spot_scale + light.spot_offset, 0.0, 1.0);
+    let window = clamp((dot(direction, light.direction) - light.spot_cos_outer) * light.spot_scale, 0.0, 1.0);
     return window * window;
 }
 

@@ -108,12 +108,12 @@ pub struct Light {
     pub color: Vec3,
     /// Share of the paths, sum of it over this light and those before it, in lumens (luminance).
     pub cumulative_power: f32,
-    /// Spot cone: attenuation is saturate(cos * scale + offset)^2, as Bevy's.
+    /// Spot cone: attenuation is saturate((cos - cos of the outer cone) * scale)^2, as Bevy's.
     pub spot_scale: f32,
-    /// See `spot_scale`.
-    pub spot_offset: f32,
     /// Cosine of the outer cone.
     pub spot_cos_outer: f32,
+    /// A light keeps it while it is there: which part of the sequence its paths follow.
+    pub name: u32,
     /// Longest path from this light, in bounces.
     pub max_bounces: u32,
     /// From the middle of a rect light to that of a side, world units.

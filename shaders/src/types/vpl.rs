@@ -12,8 +12,8 @@ pub struct Vpl {
     pub bounce_met: u32,
     /// Unit normal.
     pub normal: Vec3,
-    /// Index of its path.
-    pub path: u32,
+    /// Of the sequence that its path follows: the same while its light is there.
+    pub sample: u32,
     /// Linear RGB flux, lumens.
     pub flux: Vec3,
     /// Direction of the light that it reflects, octahedral, 2 snorm8; in the upper half, voxels which that had come freely, f16.

@@ -13,24 +13,33 @@
 
 #import bevy_bounce::shared::sampling::waiting_time
 #import bevy_bounce::shared::grid::{Grid, grid_level, level_at, brick_at}
-#import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS, BRICK_WORDS, BRICK_LIGHTS, LIGHT_SHIFT, luminance}
+#import bevy_bounce::vpl::types::{
+    Vpl, VplHeader, VplParameters, SUBSETS, BRICK_WORDS, BRICK_LIGHTS, LIGHT_SHIFT, MET, vertex_slot, luminance,
+}
 
-@group(0) @binding(0) var<uniform> grid: Grid;
-@group(0) @binding(1) var<storage, read> vertices: array<Vpl>;
+@group(0) @binding(0) var<uniform> parameters: VplParameters;
+@group(0) @binding(1) var<uniform> grid: Grid;
+@group(0) @binding(2) var<storage, read> vertices: array<Vpl>;
 // Key, slot of the vertex, sorted by key.
-@group(0) @binding(2) var<storage, read> pairs: array<vec2<u32>>;
+@group(0) @binding(3) var<storage, read> pairs: array<vec2<u32>>;
 // First vertex of each light, and the end of the last.
-@group(0) @binding(3) var<storage, read> firsts: array<u32>;
-@group(0) @binding(4) var<storage, read> header: VplHeader;
-@group(0) @binding(5) var<storage, read_write> vpls: array<Vpl>;
-
+@group(0) @binding(4) var<storage, read> firsts: array<u32>;
+@group(0) @binding(5) var<storage, read> header: VplHeader;
+@group(0) @binding(6) var<storage, read_write> vpls: array<Vpl>;
 // What is known of each brick of the grid, `BRICK_WORDS` each.
-@group(0) @binding(6) var<storage, read_write> bricks: array<atomic<u32>>;
+@group(0) @binding(7) var<storage, read_write> bricks: array<atomic<u32>>;
 
 fn count_in_bricks(position: vec3<f32>, part: u32) {
     for (var level = level_at(grid, position); level <= grid.further_count; level++) {
         atomicAdd(&bricks[brick_at(grid_level(grid, level), position) * BRICK_WORDS + BRICK_LIGHTS], part);
     }
+}
+
+// The chance belongs to the vertex, whatever run it is in and whatever else shines.
+fn name_of(vertex: Vpl) -> u32 {
+    let bounces = parameters.max_bounces + 1u;
+    let bounce = vertex.bounce_met & ~MET;
+    return vertex_slot(parameters, vertex.sample, (bounce + bounces - 1u) % bounces);
 }
 
 @compute @workgroup_size(64)
@@ -49,8 +58,7 @@ fn build_list(@builtin(global_invocation_id) id: vec3<u32>) {
         let slot = pairs[i].y;
         let own = vertices[slot].flux;
         count_in_bricks(vertices[slot].position, part);
-        // The chance belongs to the vertex of the path, whatever run it is in.
-        let wait = waiting_time(slot, luminance(own));
+        let wait = waiting_time(name_of(vertices[slot]), luminance(own));
         chosen = select(chosen, slot, wait < least);
         least = min(least, wait);
         flux += own;

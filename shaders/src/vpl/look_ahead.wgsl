@@ -51,6 +51,7 @@ fn look_ahead(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
         return;
     }
     let light = lights[source.index];
-    let start = start_on_region(light, choose_region(light, path), path, candidate);
-    candidates[candidate] = look(start, light.direction, candidate);
+    let name = source.sample * CANDIDATES + candidate % CANDIDATES;
+    let start = start_on_region(light, choose_region(light, source.sample), source.sample, name);
+    candidates[candidate] = look(start, light.direction, name);
 }

@@ -71,7 +71,7 @@ fn try_light(light: u32, t: Triangle, box: Box) {
         return;
     }
     let distance = meet(way, t);
-    if distance < 0.0 || surface_cover(t, way.start + way.direction * distance) <= unit_float(hash(vpls[light].path)) {
+    if distance < 0.0 || surface_cover(t, way.start + way.direction * distance) <= unit_float(hash(vpls[light].sample)) {
         return;
     }
     let normal = t.normal * -sign(dot(t.normal, way.direction));

@@ -1,4 +1,4 @@
-// Where paths start: at a light chosen in proportion to its power; those of directional lights in the shadow of the regions.
+// Where paths start: at lights, which share them by power; those of directional lights in the shadow of the regions.
 //
 // Cost: a binary search through the lights or the emitters, and a load a region.
 
@@ -33,13 +33,30 @@ const PATCH: f32 = 0.25;
 // Voxels: a path starts on a plane of the grid, and in a corner another one is near.
 const PATH_GAP: f32 = 0.02;
 
-/// What a path starts at: one of the lights, or one of the emitters; where the running sum of its kind begins, and the sum of all.
+// Each light has a part of the sequence of its own, and so have all emitters and all of the sky: what one sends does not depend on
+// what else shines.
+const PART_BITS: u32 = 20u;
+const PARTS: u32 = 1u << (32u - PART_BITS);
+const SKY_PART: u32 = PARTS - 1u;
+const EMITTER_PART: u32 = PARTS - 2u;
+
+/// What a path starts at: one of the lights, or one of the emitters.
 struct Source {
     found: bool,
     is_emitter: bool,
     index: u32,
+    // Of the sequence that the path follows.
+    sample: u32,
+    // Paths for one from this source, if all had as many.
+    weight: f32,
+}
+
+/// Paths in a row, of the same light or kind.
+struct Stretch {
     first: u32,
-    total: f32,
+    count: u32,
+    // Each stands for: paths of all for one of these.
+    weight: f32,
 }
 
 fn emissive_power() -> f32 {
@@ -64,7 +81,7 @@ fn cumulative_power(is_emitter: bool, index: u32) -> f32 {
     return lights[index].cumulative_power;
 }
 
-// The first of some lights or emitters whose running sum lies beyond `power`.
+// The first of some lights or emitters whose running sum lies beyond `power`; where rounding leaves none, the last.
 fn find(is_emitter: bool, power: f32, first: u32, count: u32) -> u32 {
     var low = first;
     var high = first + count - 1u;
@@ -79,25 +96,74 @@ fn find(is_emitter: bool, power: f32, first: u32, count: u32) -> u32 {
     return low;
 }
 
-// By rounding a choice may be the whole sum: only what shines is asked.
+// One of some lights or emitters in proportion to power, for a path that follows the sequence there.
+fn choose(is_emitter: bool, own: Stretch, sample: u32, power: f32, first: u32, count: u32) -> Source {
+    let index = find(is_emitter, sample_square(sample, DIMENSION_LIGHT).x * power, first, count);
+    var before = 0.0;
+    if index > first {
+        before = cumulative_power(is_emitter, index - 1u);
+    }
+    let weight = own.weight * power / max(cumulative_power(is_emitter, index) - before, 1e-30);
+    return Source(true, is_emitter, index, sample, weight);
+}
+
+// The first path of what follows after sources of that power, of `total`.
+fn path_after(power: f32, total: f32) -> u32 {
+    return u32(clamp(ceil(power / total * f32(parameters.path_count) - 0.5), 0.0, f32(parameters.path_count)));
+}
+
+// Paths of what lies between these running sums. They bring all of its light, however many they are; what has less than one path
+// has one in proportion to its power.
+fn stretch(before: f32, after: f32, total: f32) -> Stretch {
+    let paths = f32(parameters.path_count);
+    let first = path_after(before, total);
+    let count = path_after(after, total) - first;
+    let expected = (after - before) / total * paths;
+    return Stretch(first, count, paths / select(f32(count), max(expected, 1e-30), expected < 1.0));
+}
+
+// The light whose paths that one is among.
+fn light_of(path: u32, total: f32) -> Source {
+    var low = 0u;
+    var high = scene.light_count - 1u;
+    while low < high {
+        let middle = (low + high) / 2u;
+        if path_after(lights[middle].cumulative_power, total) > path {
+            high = middle;
+        } else {
+            low = middle + 1u;
+        }
+    }
+    var before = 0.0;
+    if low > 0u {
+        before = lights[low - 1u].cumulative_power;
+    }
+    let own = stretch(before, lights[low].cumulative_power, total);
+    return Source(true, false, low, sample_of(lights[low].name % EMITTER_PART, path, own), own.weight);
+}
+
+fn sample_of(part: u32, path: u32, own: Stretch) -> u32 {
+    return (part << PART_BITS) + path - own.first;
+}
+
+// Paths are shared out by power, those of one light in a row.
 fn source_of(path: u32) -> Source {
     let emissive = emissive_power();
     let sky = sky_power();
     let total = scene.light_power + emissive + sky;
-    let pick = sample_square(path, DIMENSION_LIGHT).x * total;
     if total <= 0.0 {
         return Source(false, false, 0u, 0u, 0.0);
     }
-    if sky > 0.0 && pick >= scene.light_power + emissive {
-        let first = scene.light_count;
-        let index = find(false, pick - scene.light_power - emissive, first, scene.sky_count);
-        return Source(true, false, index, first, total);
+    if path < path_after(scene.light_power, total) {
+        return light_of(path, total);
     }
-    if emissive > 0.0 && pick >= scene.light_power {
-        let index = find(true, pick - scene.light_power, 0u, scene.emissive_chunk_count * CHUNK_TRIANGLES);
-        return Source(true, true, index, 0u, total);
+    if path < path_after(scene.light_power + emissive, total) {
+        let own = stretch(scene.light_power, scene.light_power + emissive, total);
+        let sample = sample_of(EMITTER_PART, path, own);
+        return choose(true, own, sample, emissive, 0u, scene.emissive_chunk_count * CHUNK_TRIANGLES);
     }
-    return Source(true, false, find(false, pick, 0u, scene.light_count), 0u, total);
+    let own = stretch(scene.light_power + emissive, total, total);
+    return choose(false, own, sample_of(SKY_PART, path, own), sky, scene.light_count, scene.sky_count);
 }
 
 // Projected areas of the faces of a box that are turned to a light.
@@ -137,8 +203,8 @@ fn start_density(light: Light, point: vec3<f32>, through: u32) -> f32 {
 }
 
 // The region that a path starts in, chosen in proportion to weight and lit area.
-fn choose_region(light: Light, path: u32) -> u32 {
-    var left = sample_square(path, DIMENSION_CHOICE).y * weighted_area(light);
+fn choose_region(light: Light, sample: u32) -> u32 {
+    var left = sample_square(sample, DIMENSION_CHOICE).y * weighted_area(light);
     for (var i = 0u; i + 1u < scene.region_count; i++) {
         left -= scene.regions[i].weight * projected_area(scene.regions[i], light.direction);
         if left < 0.0 {
@@ -152,14 +218,14 @@ fn choose_region(light: Light, path: u32) -> u32 {
 // areas. A region that moves with the camera has its points where they are in the world: those that it leaves behind on one
 // side come in on the other. There all candidates of a path are near each other, so that what comes and goes at the region's
 // ends changes nothing within.
-fn start_on_region(light: Light, index: u32, path: u32, candidate: u32) -> vec3<f32> {
+fn start_on_region(light: Light, index: u32, sample: u32, candidate: u32) -> vec3<f32> {
     let region = scene.regions[index];
     let moves = index + 1u < scene.region_count;
     var square = sample_square(candidate, DIMENSION_POSITION);
     var aside = vec2<f32>(0.0);
     if moves {
         aside = (square - 0.5) * PATCH;
-        square = sample_square(path, DIMENSION_PATCH);
+        square = sample_square(sample, DIMENSION_PATCH);
     }
     let size = region.max - region.min;
     let areas = lit_areas(region, light);

@@ -1,9 +1,9 @@
 // Paths from the lights through the voxel grid; every surface they are reflected by becomes a virtual point light.
 // Keller 1997, Bashford-Rogers et al. 2012, III-B.
 //
-// A path starts at a light chosen in proportion to its power, and is reflected with the probability of the surface's albedo
+// Lights share the paths by power (`starts.wgsl`); a path is reflected with the probability of the surface's albedo
 // (the largest of red, green and blue), so that all virtual lights carry about the same flux, but for those of directional
-// lights: see `start_directional`. Paths follow one sequence, the same every frame.
+// lights: see `start_directional`. The paths of a light follow a sequence of its own, the same every frame.
 //
 // Where the scene has regions (see `Scene`), paths of directional lights start in each: as many as its weight and the area that is
 // lit there say, so that most are near the cameras.
@@ -50,12 +50,8 @@ struct Photon {
 
 fn start_at_light(source: Source, path: u32) -> Photon {
     let light = lights[source.index];
-    var before = 0.0;
-    if source.index > source.first {
-        before = lights[source.index - 1u].cumulative_power;
-    }
-    let weight = source.total / max(light.cumulative_power - before, 1e-30);
-    let square = sample_square(path, DIMENSION_DIRECTION);
+    let weight = source.weight;
+    let square = sample_square(source.sample, DIMENSION_DIRECTION);
     var photon: Photon;
     photon.position = light.position;
     photon.normal = vec3<f32>(0.0);
@@ -70,10 +66,10 @@ fn start_at_light(source: Source, path: u32) -> Photon {
             photon.flux = light.color * (solid_angle * spot_window(light, photon.direction) * weight);
         }
         case LIGHT_DIRECTIONAL: {
-            start_directional(&photon, light, path, weight);
+            start_directional(&photon, source, path);
         }
         case LIGHT_RECT: {
-            photon.position = rect_point(light, sample_square(path, DIMENSION_POSITION));
+            photon.position = rect_point(light, sample_square(source.sample, DIMENSION_POSITION));
             photon.normal = light.direction;
             photon.direction = cosine_direction(light.direction, square);
             photon.flux = light.color * (PI * rect_area(light) * weight);
@@ -99,58 +95,54 @@ fn promise(brick: u32) -> f32 {
 // From the shadow of the regions, at one of a few places, which is chosen in proportion to what is hoped of it
 // (`look_ahead.wgsl`). Each path has its own few, so that those whose surroundings stay the same start where they did. Resampled
 // importance sampling, Talbot et al. 2005.
-fn start_directional(photon: ptr<function, Photon>, light: Light, path: u32, weight: f32) {
+fn start_directional(photon: ptr<function, Photon>, source: Source, path: u32) {
+    let light = lights[source.index];
     var sum = 0.0;
     var least = 1e38;
     var candidate = 0u;
     var chosen = 1.0;
-    for (var i = path * CANDIDATES; i < (path + 1u) * CANDIDATES; i++) {
-        let own = promise(candidates[i]);
+    for (var i = 0u; i < CANDIDATES; i++) {
+        let own = promise(candidates[path * CANDIDATES + i]);
         sum += own;
-        let wait = waiting_time(i, own);
+        let name = source.sample * CANDIDATES + i;
+        let wait = waiting_time(name, own);
         if wait < least {
             least = wait;
-            candidate = i;
+            candidate = name;
             chosen = own;
         }
     }
-    let region = choose_region(light, path);
-    (*photon).position = start_on_region(light, region, path, candidate);
+    let region = choose_region(light, source.sample);
+    (*photon).position = start_on_region(light, region, source.sample, candidate);
     (*photon).direction = light.direction;
     let mean = sum / f32(CANDIDATES);
     let area = weighted_area(light) / start_density(light, (*photon).position, region);
-    (*photon).flux = light.color * (area * weight * mean / chosen);
+    (*photon).flux = light.color * (area * source.weight * mean / chosen);
 }
 
-fn start_at_emitter(index: u32, path: u32, total: f32) -> Photon {
-    let emitter = emitters[index];
-    var before = 0.0;
-    if index > 0u {
-        before = emitters[index - 1u].cumulative_power;
-    }
-    let weight = total / max(emitter.cumulative_power - before, 1e-30);
-    let where_on = triangle_point(sample_square(path, DIMENSION_POSITION));
-    let side = sample_square(path, DIMENSION_LIGHT).y;
+fn start_at_emitter(source: Source) -> Photon {
+    let emitter = emitters[source.index];
+    let where_on = triangle_point(sample_square(source.sample, DIMENSION_POSITION));
+    let side = sample_square(source.sample, DIMENSION_LIGHT).y;
     var photon: Photon;
     photon.position = emitter.position + emitter.edge_b * where_on.x + emitter.edge_c * where_on.y;
     photon.normal = emitter.normal * select(1.0, -1.0, emitter.two_sided != 0u && side < 0.5);
-    photon.direction = cosine_direction(photon.normal, sample_square(path, DIMENSION_DIRECTION));
-    photon.flux = emitter.flux * weight;
+    photon.direction = cosine_direction(photon.normal, sample_square(source.sample, DIMENSION_DIRECTION));
+    photon.flux = emitter.flux * source.weight;
     photon.max_bounces = 0xffffffffu;
     photon.on_surface = true;
     return photon;
 }
 
-fn store(path: u32, index: u32, bounce_met: u32, photon: Photon, incoming: u32) {
-    vertices[vertex_slot(parameters, path, index)] =
-        Vpl(photon.position, bounce_met, photon.normal, path, photon.flux, incoming);
+fn store(slot: u32, bounce_met: u32, photon: Photon, sample: u32, incoming: u32) {
+    vertices[slot] = Vpl(photon.position, bounce_met, photon.normal, sample, photon.flux, incoming);
 }
 
-fn follow(path: u32, start: Photon) -> u32 {
+fn follow(path: u32, sample: u32, start: Photon) -> u32 {
     var photon = start;
     var count = 0u;
     if photon.on_surface {
-        store(path, 0u, 0u, photon, pack_incoming(-photon.normal, PATH_GAP));
+        store(vertex_slot(parameters, path, 0u), 0u, photon, sample, pack_incoming(-photon.normal, PATH_GAP));
         count = 1u;
     }
     let bounces = min(parameters.max_bounces, photon.max_bounces);
@@ -172,7 +164,7 @@ fn follow(path: u32, start: Photon) -> u32 {
         let cell = cells[hit.cell];
         let albedo = unpack4x8unorm(cell.albedo).rgb;
         let survival = max(albedo.r, max(albedo.g, albedo.b));
-        let square = sample_square(path, DIMENSION_BOUNCE + 2u * bounce);
+        let square = sample_square(sample, DIMENSION_BOUNCE + 2u * bounce);
         if square.x >= survival {
             break;
         }
@@ -187,9 +179,10 @@ fn follow(path: u32, start: Photon) -> u32 {
         let onward = select(0u, MET, bounce == bounces);
         let level = grid_level(grid, level_at(grid, photon.position));
         let way = hit.t * grid.voxel_size / level.voxel_size;
-        store(path, count, bounce | onward, photon, pack_incoming(photon.direction, min(way, SETTLE_RANGE)));
+        let incoming = pack_incoming(photon.direction, min(way, SETTLE_RANGE));
+        store(vertex_slot(parameters, path, count), bounce | onward, photon, sample, incoming);
         count++;
-        photon.direction = cosine_direction(photon.normal, sample_square(path, DIMENSION_BOUNCE + 2u * bounce + 1u));
+        photon.direction = cosine_direction(photon.normal, sample_square(sample, DIMENSION_BOUNCE + 2u * bounce + 1u));
     }
     return count;
 }
@@ -207,10 +200,10 @@ fn trace_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     var photon: Photon;
     if source.is_emitter {
-        photon = start_at_emitter(source.index, path, source.total);
+        photon = start_at_emitter(source);
     } else {
         photon = start_at_light(source, path);
     }
-    let count = follow(path, photon);
+    let count = follow(path, source.sample, photon);
     paths[path] = Path(count, select(1u, 0u, photon.on_surface), 0u);
 }

@@ -10,7 +10,8 @@ struct Vpl {
     // Bounces behind it; `MET` where its light met a surface.
     bounce_met: u32,
     normal: vec3<f32>,
-    path: u32,
+    // Of the sequence that its path follows: the same while its light is there.
+    sample: u32,
     flux: vec3<f32>,
     // The light's way there: see `pack_incoming`.
     incoming: u32,

@@ -36,7 +36,7 @@ pub fn direct(file: &CssmFile, texel: &Texel, lights: &[Light]) -> Vec3 {
             strength *= window.clamp(0.0, 1.0).powi(2);
         }
         if light.kind == LIGHT_SPOT {
-            let cone = -direction.dot(light.direction) * light.spot_scale + light.spot_offset;
+            let cone = (-direction.dot(light.direction) - light.spot_cos_outer) * light.spot_scale;
             strength *= cone.clamp(0.0, 1.0).powi(2);
         }
         if strength > 0.0 && file.sees(texel, light.position.into()) {

@@ -87,7 +87,8 @@ struct Images {
 #[derive(Component)]
 struct Mapped;
 
-fn even(images: &mut Assets<Image>, [width, height, depth]: [u32; 3], value: [f32; 3]) -> Handle<Image> {
+/// An image in three dimensions of one colour.
+pub fn even(images: &mut Assets<Image>, [width, height, depth]: [u32; 3], value: [f32; 3]) -> Handle<Image> {
     let texel = [value[0], value[1], value[2], 1.0].map(|c| f16::from_f32(c).to_le_bytes()).concat();
     let size = Extent3d { width, height, depth_or_array_layers: depth };
     let dimension = if depth > 1 { TextureDimension::D3 } else { TextureDimension::D2 };

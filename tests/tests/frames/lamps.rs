@@ -7,9 +7,9 @@ use std::time::Duration;
 use bevy::camera::{Exposure, ScalingMode};
 use bevy::light::RectLight;
 use bevy::prelude::*;
-use bevy_bounce::{GiSettings, GlobalIllumination, Quality, Technique};
+use bevy_bounce::{GiSettings, GlobalIllumination, Quality, Resolution, Technique};
 use bevy_bounce_examples::scenes::{Builder, Walls};
-use bevy_bounce_tests::picture::Picture;
+use bevy_bounce_tests::picture::{Picture, luminance};
 use bevy_bounce_tests::stage::Stage;
 
 const ROOM: Vec3 = Vec3::new(4.0, 3.0, 3.5);
@@ -21,6 +21,10 @@ const LUMENS: f32 = 1000.0;
 const CONE: f32 = 0.7;
 /// Illuminance by the sun, lux.
 const SUN: f32 = 100.0;
+/// Of a room with many lamps.
+const LAMPS: usize = 300;
+const NEXT_DOOR: usize = 5;
+const PIXELS_OF_MANY: UVec2 = UVec2::new(320, 192);
 /// Of panels, metres.
 const PANEL: Vec2 = Vec2::new(0.8, 0.5);
 /// Without an end of their reach, which Bevy's closed form is; metres.
@@ -87,6 +91,22 @@ impl Kind {
                 lamp.insert((Mesh3d(mesh), MeshMaterial3d(paint)))
             }
         };
+    }
+}
+
+/// All over the room, 100 to 1000 lumens; and in a room next door, where the last [`NEXT_DOOR`] of them are.
+fn many_lamps(mut build: Builder) {
+    let paint = build.paint([ALBEDO; 3]);
+    let [floor, ceiling, back, front, left, right] = std::array::from_fn(|_| paint.clone());
+    let next_door = Vec3::X * (ROOM.x + 1.0);
+    build.room(next_door, next_door + ROOM, &Walls { floor, ceiling, back, front, left, right });
+    for i in 0..LAMPS {
+        let place = i * 107 % LAMPS;
+        let part = Vec3::new((place % 20) as f32 + 0.5, 0.5 * (place % 3) as f32 + 7.0, (place / 20) as f32 + 0.5);
+        let room = if i + NEXT_DOOR < LAMPS { Vec3::ZERO } else { next_door };
+        let intensity = 100.0 * 10.0_f32.powf((i * 37 % LAMPS) as f32 / LAMPS as f32);
+        let place = Transform::from_translation(room + part * ROOM / Vec3::new(20.0, 10.0, 15.0));
+        build.commands.spawn((Lamp, place, PointLight { intensity, range: RANGE, ..default() }));
     }
 }
 
@@ -168,6 +188,48 @@ fn try_lamp(stage: &mut Stage, kind: Kind) {
         fresh.mean_luminance() > 0.0 && back == fresh,
         "{kind:?}: back, it bounces otherwise than at a fresh start"
     );
+}
+
+/// Mean luminances of blocks of 32 x 32 pixels, cd/m^2.
+fn blocks(picture: &Picture) -> Vec<f64> {
+    let blocks = PIXELS_OF_MANY / 32;
+    let mean = |block: u32| {
+        let first = (UVec2::new(block % blocks.x, block / blocks.x) * 32).as_usizevec2();
+        luminance(picture.mean_of(first.x..first.x + 32, first.y..first.y + 32).map(|value| value as f32))
+    };
+    (0..blocks.element_product()).map(mean).collect()
+}
+
+/// One of many lamps comes and goes where nothing is seen of it.
+#[test]
+fn many_lamps_keep_their_light_when_one_goes() {
+    let settings = GiSettings { history: 0, probes: 0, resolution: Resolution::Full, ..Quality::Medium.settings() };
+    let mut stage = Stage::new(PIXELS_OF_MANY, settings, |app| {
+        app.add_systems(Startup, (room, many_lamps));
+    });
+    let camera = stage.only::<Camera3d>();
+    let place = Transform::from_xyz(0.2, 1.6, 0.2).looking_at(Vec3::new(4.0, 1.0, 3.5), Vec3::Y);
+    let projection = Projection::from(PerspectiveProjection { fov: 1.2, ..default() });
+    stage.world().entity_mut(camera).insert((place, projection));
+    let mut lamps = stage.world().query_filtered::<(Entity, &Transform), With<Lamp>>();
+    let next_door: Vec<Entity> =
+        lamps.iter(stage.world()).filter(|(_, place)| place.translation.x > ROOM.x).map(|(lamp, _)| lamp).collect();
+    assert_eq!(next_door.len(), NEXT_DOOR);
+    stage.frame(Duration::ZERO);
+    stage.frame(Duration::ZERO);
+    let all = blocks(&stage.picture());
+    for lamp in next_door {
+        stage.world().entity_mut(lamp).insert(Visibility::Hidden);
+        let rest = blocks(&stage.picture());
+        stage.world().entity_mut(lamp).insert(Visibility::Inherited);
+        let changes = all.iter().zip(&rest).map(|(all, rest)| (rest / all - 1.0).abs());
+        let (largest, mean) = (changes.clone().fold(0.0, f64::max), changes.sum::<f64>() / all.len() as f64);
+        println!("{lamp}: {:.2} % in the worst block, {:.2} % in the mean", largest * 100.0, mean * 100.0);
+        assert!(
+            largest < 0.03 && mean < 0.006,
+            "{lamp} changes {largest} of a block it does not light, {mean} in the mean"
+        );
+    }
 }
 
 #[test]

@@ -43,7 +43,7 @@ fn lights() -> Vec<Vpl> {
     let mut random = Random::new(17);
     let mut place = |path| {
         let position = Vec3::new(random.unit() - 0.5, 0.0, random.unit() - 0.5);
-        Vpl { position, normal: Vec3::Y, path, bounce_met: 1, ..Vpl::default() }
+        Vpl { position, normal: Vec3::Y, sample: path, bounce_met: 1, ..Vpl::default() }
     };
     (0..LIGHTS).map(&mut place).collect()
 }

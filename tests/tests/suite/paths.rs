@@ -226,7 +226,6 @@ fn a_spot_lights_its_cone() {
         color: Vec3::splat(candela),
         cumulative_power: lumens,
         spot_scale: scale,
-        spot_offset: -outer.cos() * scale,
         spot_cos_outer: outer.cos(),
         max_bounces: u32::MAX,
         ..Default::default()

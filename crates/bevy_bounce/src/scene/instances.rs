@@ -65,6 +65,7 @@ pub(crate) struct Instances {
     bounds: Bounds,
     overflowed: bool,
     warned_transform: bool,
+    warned_normals: bool,
 }
 
 impl Default for Instances {
@@ -87,6 +88,7 @@ impl Default for Instances {
             bounds: Bounds::EMPTY,
             overflowed: false,
             warned_transform: false,
+            warned_normals: false,
         }
     }
 }
@@ -339,6 +341,13 @@ pub(super) fn resolve_instances(mut instances: ResMut<Instances>, meshes: Res<Me
             instances.warned_transform = true;
             warn!("a mesh whose transform is not finite takes no part in bounced light");
         }
+        if !instances.warned_normals && record.is_some_and(|record| lacks_normals(record, &meshes, &materials)) {
+            instances.warned_normals = true;
+            warn!(
+                "a transparent mesh has no normals: light probes, Bevy's own as well, show it as values that are not finite; give it some, as by \
+                 `Mesh::with_computed_flat_normals`, or an unlit material"
+            );
+        }
         let resolved =
             record.and_then(|record| resolve(record, &instances.layers, &meshes, &materials)).unwrap_or_default();
         chunks_changed |= before != shape(&resolved.instance);
@@ -355,6 +364,12 @@ pub(super) fn resolve_instances(mut instances: ResMut<Instances>, meshes: Res<Me
     }
     instances.bounds =
         instances.records.iter().flatten().fold(Bounds::EMPTY, |bounds, record| bounds.union(&record.bounds));
+}
+
+/// Bevy's irradiance volumes normalise what a mesh has not.
+fn lacks_normals(record: &Record, meshes: &Meshes, materials: &Materials) -> bool {
+    meshes.get(record.source.mesh).is_some_and(|mesh| !mesh.has_normals)
+        && materials.class(record.source.material).is_some_and(|material| material.transparent && !material.unlit)
 }
 
 /// `None` for an instance that takes no part; see the module.

@@ -11,9 +11,12 @@
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
+use bevy::ecs::entity::{EntityHashMap, EntityHashSet};
 use bevy::ecs::query::QueryData;
 use bevy::light::{DirectionalLight, PointLight, RectLight, SpotLight, SunDisk};
 use bevy::pbr::{MeshPipelineKey, MeshPipelineViewLayoutKey};
+use bevy::platform::collections::HashSet;
+use bevy::platform::collections::hash_map::Entry;
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy_bounce_shaders::types::{LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPOT, Light};
@@ -36,10 +39,43 @@ struct ExtractedLight {
     diameter: f32,
 }
 
+/// Lights by what they are called: each has the least number that is free when it comes, and keeps it while it is there, shining or
+/// not, so that none of its paths changes with what else shines.
+#[derive(Default)]
+struct Names {
+    of: EntityHashMap<u32>,
+}
+
+impl Names {
+    /// Names those that are new, and forgets those that are gone; `present` in the order in which they came.
+    fn update(&mut self, present: &[Entity]) {
+        let before = self.of.len();
+        let mut known = 0;
+        for entity in present {
+            known += usize::from(self.of.contains_key(entity));
+        }
+        if known == before && known == present.len() {
+            return;
+        }
+        let there: EntityHashSet = present.iter().copied().collect();
+        self.of.retain(|entity, _| there.contains(entity));
+        let taken: HashSet<u32> = self.of.values().copied().collect();
+        let mut free = (0..).filter(|name| !taken.contains(name));
+        for &entity in present {
+            if let Entry::Vacant(vacant) = self.of.entry(entity) {
+                vacant.insert(free.next().unwrap_or_default());
+            }
+        }
+    }
+}
+
 /// The lights of this frame, in the order of their entities.
 #[derive(Resource, Default)]
 pub(super) struct ExtractedLights {
     lights: Vec<(Entity, ExtractedLight)>,
+    names: Names,
+    /// All there are, shining or not.
+    present: Vec<Entity>,
 }
 
 type Common =
@@ -56,12 +92,14 @@ pub(super) fn extract_lights(
     directionals: Extract<Query<(Entity, &DirectionalLight, Option<&SunDisk>, Common)>>,
     rects: Extract<Query<(Entity, &RectLight, Common)>>,
 ) {
-    let lights = &mut extracted.lights;
+    let ExtractedLights { lights, names, present } = &mut *extracted;
     lights.clear();
+    present.clear();
     if !cameras.active {
         return;
     }
     let mut add = |entity: Entity, common: CommonItem<'_, '_>, light: Light, diameter: f32| {
+        present.push(entity);
         let (transform, visibility, gi, layers) = common;
         if !visibility.get() || !cameras.layers.intersects(layers.unwrap_or_default()) {
             return;
@@ -85,6 +123,11 @@ pub(super) fn extract_lights(
         }
     }
     lights.sort_by_key(|(entity, _)| spawn_order(*entity));
+    present.sort_by_key(|entity| spawn_order(*entity));
+    names.update(present);
+    for (entity, extracted) in lights {
+        extracted.light.name = names.of.get(entity).copied().unwrap_or_default();
+    }
 }
 
 /// bevy_pbr's `extract_lights`: candela are lumens over 4 pi.
@@ -119,7 +162,6 @@ fn spot_light(light: &SpotLight) -> Light {
         color: light.color.to_linear().to_vec3() * light.intensity / (4.0 * PI),
         range: range(light.range),
         spot_scale: scale,
-        spot_offset: -cos_outer * scale,
         spot_cos_outer: cos_outer,
         ..default()
     }
@@ -157,7 +199,7 @@ fn placed(mut light: Light, transform: &GlobalTransform, gi: GiLight) -> Option<
     light.max_bounces = gi.bounces;
     let shines = light.color.is_finite() && light.color.dot(LUMINANCE) > 0.0;
     let placed = light.position.is_finite() && light.range >= 0.0;
-    let cone = light.spot_scale.is_finite() && light.spot_offset.is_finite();
+    let cone = light.spot_scale.is_finite();
     let area = light.side.is_finite() && light.half_height.is_finite();
     let weighted = gi.share.is_finite() && gi.share > 0.0 && gi.bounces > 0;
     (shines && placed && cone && area && weighted).then_some(ExtractedLight { light, share: gi.share, diameter: 0.0 })
@@ -226,7 +268,7 @@ mod tests {
     use super::*;
 
     fn attenuation(light: &Light, angle: f32) -> f32 {
-        let x = (angle.cos() * light.spot_scale + light.spot_offset).clamp(0.0, 1.0);
+        let x = ((angle.cos() - light.spot_cos_outer) * light.spot_scale).clamp(0.0, 1.0);
         x * x
     }
 
@@ -262,6 +304,22 @@ mod tests {
             let panel = rect_light(&panel, &GlobalTransform::from_scale(scale));
             assert!((power(&panel, &bounds) - 800.0).abs() < 0.01, "{scale}");
         }
+    }
+
+    #[test]
+    fn lights_keep_their_names() {
+        let [a, b, c, d] = [3, 5, 6, 9].map(|index| Entity::from_raw_u32(index).expect("not the last"));
+        let mut names = Names::default();
+        let mut called = |present: &[Entity]| {
+            names.update(present);
+            present.iter().map(|entity| names.of[entity]).collect::<Vec<_>>()
+        };
+        assert_eq!(called(&[a, b, c]), [0, 1, 2]);
+        assert_eq!(called(&[b, c]), [1, 2], "one that goes changes no other");
+        assert_eq!(called(&[b, c, d]), [1, 2, 0], "its name is free");
+        assert_eq!(called(&[a, b, c, d]), [3, 1, 2, 0]);
+        assert!(called(&[]).is_empty());
+        assert_eq!(called(&[d]), [0]);
     }
 
     #[test]

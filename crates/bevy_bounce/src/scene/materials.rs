@@ -147,7 +147,7 @@ impl Surface {
 }
 
 /// What an instance takes from its material.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct MaterialClass {
     /// Index into the materials.
     pub slot: u32,
@@ -161,6 +161,8 @@ pub(super) struct MaterialClass {
     pub emits: bool,
     /// Does nothing but block.
     pub unlit: bool,
+    /// Light passes it.
+    pub transparent: bool,
 }
 
 struct Record {
@@ -212,8 +214,7 @@ impl Materials {
         };
         let Some(slot) = slot else { return };
         surface.thumbnails().for_each(|key| thumbnails.acquire(key));
-        let class =
-            MaterialClass { slot, present: false, two_sided: false, flipped: false, emits: false, unlit: false };
+        let class = MaterialClass { slot, ..default() };
         if let Some(before) = self.records.get_mut(&id) {
             before.surface.thumbnails().for_each(|key| thumbnails.release(key));
             before.surface = surface;
@@ -280,6 +281,7 @@ pub(super) fn resolve_materials(mut materials: ResMut<Materials>, mut thumbnails
             flipped: surface.flipped,
             emits: surface.emissive != Vec3::ZERO,
             unlit: surface.unlit,
+            transparent: surface.transparent,
         };
         let gpu = surface.to_gpu(materials.exposure, |key| thumbnails.get(key));
         materials.table.set(class.slot as usize, gpu);

@@ -136,6 +136,8 @@ pub(super) struct MeshEntry {
     pub color_offset: Option<u32>,
     /// Box of the positions, local.
     pub bounds: Bounds,
+    /// Whether Bevy's shaders have normals of it.
+    pub has_normals: bool,
     /// Box of the vertices that follow a joint, by joint.
     pub joint_bounds: Vec<(u16, Bounds)>,
     /// Box of the deltas, by morph target.
@@ -157,6 +159,7 @@ impl MeshEntry {
             morph_offset: start + packed.morph_offset,
             color_offset: packed.color_offset.map(|offset| start + offset),
             bounds: packed.bounds,
+            has_normals: packed.has_normals,
             joint_bounds: packed.joint_bounds,
             morph_bounds: packed.morph_bounds,
         }

@@ -52,6 +52,8 @@ pub(super) struct PackedMesh {
     pub color_offset: Option<u32>,
     /// Box of the positions.
     pub bounds: Bounds,
+    /// Whether Bevy's shaders have normals of it.
+    pub has_normals: bool,
     /// Box of the vertices that follow a joint, by joint; joints that move nothing are left out.
     pub joint_bounds: Vec<(u16, Bounds)>,
     /// Box of the deltas, by morph target.
@@ -71,6 +73,7 @@ pub(super) fn pack(mesh: &Mesh) -> Result<PackedMesh, Unusable> {
     let mut packed = PackedMesh {
         vertex_count: positions.len() as u32,
         triangle_count: triangles.len() as u32,
+        has_normals: matches!(mesh.try_contains_attribute(Mesh::ATTRIBUTE_NORMAL), Ok(true)),
         ..PackedMesh::default()
     };
     let uvs = uvs(mesh);

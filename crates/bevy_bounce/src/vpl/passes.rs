@@ -109,6 +109,7 @@ pub(super) fn trace_vpls(
         &device,
         &cache,
         &[
+            parameters.clone(),
             grid_uniform.clone(),
             whole(vpl.vertices(&grid)),
             whole(vpl.order.sorted(key_bits)),

@@ -46,8 +46,8 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let weights = [read, read, read, write];
     // Parameters, grid; vertex count, pairs, starts; counters; nodes, steps, first vertices, header.
     let cuts = [uniform, uniform, read, read, read, read, write, write, write, write];
-    // Grid; vertices, pairs, first vertices, header; list, bricks.
-    let list = [uniform, read, read, read, read, write, write];
+    // Parameters, grid; vertices, pairs, first vertices, header; list, bricks.
+    let list = [uniform, uniform, read, read, read, read, write, write];
     // Grid; header; list, bricks, meetings.
     let places = [uniform, read, write, write, write];
     // Geometry, instances, materials, thumbnails; grid, scene; chunks, list, bricks; meetings.

@@ -32,7 +32,7 @@ fn lights(file: &CssmFile) -> Vec<Light> {
             direction: Vec3::NEG_Y,
             color: Vec3::new(0.0, 4.0, 9.0),
             spot_scale: 3.0,
-            spot_offset: -2.0,
+            spot_cos_outer: 2.0 / 3.0,
             ..Light::default()
         },
         Light { kind: LIGHT_DIRECTIONAL, direction, color: Vec3::splat(0.7), ..Light::default() },

@@ -27,10 +27,10 @@ fn the_list_is_whole_and_even() {
     assert!((970..=1000).contains(&count), "{count} lights in a list of 1000");
 
     // Each light is at a vertex, and none is in two places.
-    let by_key: BTreeMap<_, _> = traced.all().map(|vpl| ((vpl.path, vpl.bounce()), vpl)).collect();
+    let by_key: BTreeMap<_, _> = traced.all().map(|vpl| ((vpl.sample, vpl.bounce()), vpl)).collect();
     let mut seen = BTreeSet::new();
     for vpl in &list[..count] {
-        let key = (vpl.path, vpl.bounce());
+        let key = (vpl.sample, vpl.bounce());
         assert!(seen.insert(key), "{key:?} is twice in the list");
         let vertex = by_key.get(&key).unwrap_or_else(|| panic!("{key:?} is not a vertex"));
         assert_eq!((vpl.position, vpl.normal), (vertex.position, vertex.normal));
@@ -66,13 +66,18 @@ fn the_list_is_whole_and_even() {
     };
     assert!(stands_for(true) < 0.8 * stands_for(false), "{} and {}", stands_for(true), stands_for(false));
 
-    // Each subset has its share.
+    // Each subset has its share, as well as if its lights were drawn at random.
+    let mean = total(&mut list[..count].iter()).x / count as f64;
+    let variance =
+        list[..count].iter().map(|vpl| (f64::from(vpl.flux.x) / mean - 1.0).powi(2)).sum::<f64>() / count as f64;
+    let bound = 2.0 * (variance * f64::from(SUBSETS as u32) / count as f64).sqrt();
+    println!("shares of the subsets are to be within {bound:.3}");
     assert_eq!((header.subset_start[0], header.subset_start[SUBSETS]), (0, header.count));
     for subset in 0..SUBSETS {
         let range = header.subset_start[subset] as usize..header.subset_start[subset + 1] as usize;
         assert!(range.len().abs_diff(count / SUBSETS) <= 1, "subset {subset} has {} lights", range.len());
         let share = total(&mut list[range].iter()) * SUBSETS as f64 / total(&mut list[..count].iter());
-        assert!((share - 1.0).abs().max_element() < 0.1, "subset {subset} has {share} of its share");
+        assert!((share - 1.0).abs().max_element() < bound, "subset {subset} has {share} of its share");
     }
 }
 
@@ -156,4 +161,32 @@ fn few_vertices_are_all_in_the_list() {
 fn no_light_an_empty_list() {
     let (_, header, _) = Traced::new(&room(Vec3::splat(0.5)), 0.3, 4).list();
     assert_eq!((header.count, header.subset_start), (0, [0; SUBSETS + 1]));
+}
+
+/// A lamp in another room comes and goes.
+#[test]
+fn one_lamp_leaves_the_lights_of_others() {
+    const LAMPS: usize = 300;
+    let lights = |off: Option<usize>| -> BTreeSet<(u32, u32)> {
+        let mut scene = room(Vec3::splat(0.5));
+        scene.room(Vec3::new(3.0, 0.0, -1.5), Vec3::new(7.0, 2.5, 1.5));
+        for lamp in 0..LAMPS {
+            let place = lamp * 107 % LAMPS;
+            let next_door = if lamp + 5 < LAMPS { 0.0 } else { 5.0 };
+            let at = Vec3::new((place % 20) as f32 * 0.19 - 1.8 + next_door, 1.9, (place / 20) as f32 * 0.19 - 1.3);
+            let candela = 10.0_f32.powf((lamp * 37 % LAMPS) as f32 / LAMPS as f32);
+            scene.lights.push(point_light(at, Vec3::splat(candela)));
+        }
+        if let Some(off) = off {
+            scene.lights[off].cumulative_power = 0.0;
+        }
+        let (_, header, list) = Traced::new(&scene, 0.1, 6).list();
+        list[..header.count as usize].iter().map(|light| (light.sample, light.bounce())).collect()
+    };
+    let all = lights(None);
+    for off in LAMPS - 5..LAMPS {
+        let kept = all.intersection(&lights(Some(off))).count();
+        println!("without lamp {off}: {kept} of {} lights are where they were", all.len());
+        assert!(kept * 10 > all.len() * 9, "without lamp {off}, {kept} of {} lights are where they were", all.len());
+    }
 }
