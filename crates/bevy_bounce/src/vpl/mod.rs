@@ -23,7 +23,8 @@
 //!
 //! # Where it differs from the paper
 //!
-//! Points come from an Owen-scrambled Sobol' sequence computed where it is needed, not from a texture. The paper prints the
+//! Points come from an Owen-scrambled Sobol' sequence computed where it is needed, not from a texture; each light has a part of
+//! it for itself, and of the paths as many as its power says. The paper prints the
 //! polar angle of a reflected path as sqrt(cos x); it is acos(sqrt(1 - x)). Paths end by roulette on the albedo, so that
 //! all vertices carry about the same flux, and at a greatest length. Eight times as many paths are traced as there are lights in
 //! the list; their vertices are sorted by facing and along a Hilbert curve and cut into runs, one light each: see
