@@ -2,8 +2,8 @@
 //!
 //! Bevy decides per app how opaque materials are drawn, and a `Camera3d` without the matching prepasses loses them. So on a
 //! device that can run the plugins, all opaque materials and all 3D cameras are deferred. A camera that asks for bounced
-//! light is given [`Hdr`] and black [`AmbientLight`] besides, and gets back what it had when it no longer asks. On a device
-//! that lacks something, nothing of this happens.
+//! light is given [`Hdr`] and black [`AmbientLight`] besides, and gets back what it had when it no longer asks; until then
+//! that is its sky, see [`GiSettings::sky`](crate::GiSettings::sky). On a device that lacks something, nothing of this happens.
 
 use bevy::camera::Hdr;
 use bevy::core_pipeline::core_3d::check_msaa;
@@ -18,7 +18,7 @@ use bevy::render::settings::WgpuLimits;
 
 use crate::{GlobalIllumination, Technique};
 
-/// Brightness of the ambient light of a camera with bounced light: none, and of another sign than a game's own.
+/// Brightness of the ambient light that cameras with bounced light are given: none, and told by its sign from a game's own.
 const DARK: f32 = -0.0;
 
 /// What a camera had before bounced light changed it.
@@ -29,13 +29,13 @@ pub(crate) struct Found {
 }
 
 impl Found {
-    /// Ambient light of its own.
+    /// Its own ambient light.
     pub fn ambient(&self) -> Option<&AmbientLight> {
         self.ambient.as_ref()
     }
 }
 
-/// The same without brightness, so that a game that sets that has its colour.
+/// Without brightness. The rest stays, so that a game may set that alone.
 fn darkened(ambient: Option<&AmbientLight>) -> AmbientLight {
     AmbientLight { brightness: DARK, ..ambient.cloned().unwrap_or_default() }
 }

@@ -61,6 +61,11 @@ fn colour(picture: &Picture) -> Vec3 {
     picture.mean_of(0..picture.width, 0..picture.height).map(|channel| channel as f32).into()
 }
 
+/// Less four pixels on each side.
+fn without_ends(picture: &Picture) -> Picture {
+    Picture::from_fn(picture.width - 8, picture.height - 8, |x, y| picture.at(x + 4, y + 4))
+}
+
 fn assert_alike(found: &Picture, expected: &Picture, tolerance: f32) {
     for (found, expected) in found.pixels.iter().zip(&expected.pixels) {
         let ratio = luminance(*found) / luminance(*expected);
@@ -196,4 +201,38 @@ fn a_forward_app_has_it_too() {
     let bevys = luminance(stage.settled_picture().at(24, 16));
     println!("{ours} cd/m^2, {bevys} by Bevy");
     assert!((ours / bevys - 1.0).abs() < 0.1, "{ours} cd/m^2, {bevys} by Bevy");
+}
+
+/// Dielectrics and metals mirror of ambient light what Bevy has them mirror, as far as the sky is seen.
+#[test]
+fn what_is_mirrored_is_bevys_too() {
+    let shine = |stage: &mut Stage, metallic: f32, perceptual_roughness: f32| {
+        for (_, material) in stage.world().resource_mut::<Assets<StandardMaterial>>().iter_mut() {
+            *material = StandardMaterial { metallic, perceptual_roughness, reflectance: 0.5, ..material.clone() };
+        }
+    };
+    let mut open = stage(SETTINGS, false, |_| {});
+    let mut closed = stage(SETTINGS, false, closed_room);
+    for stage in [&mut open, &mut closed] {
+        set(stage, BRIGHTNESS);
+    }
+    for (metallic, roughness) in [(0.0, 0.5), (1.0, 1.0), (1.0, 0.3)] {
+        shine(&mut open, metallic, roughness);
+        shine(&mut closed, metallic, roughness);
+        open.light_by(illumination(SETTINGS));
+        let ours = open.settled_picture();
+        open.light_by(without_technique());
+        let bevys = open.settled_picture();
+        let inside = closed.settled_picture().mean_luminance() / bevys.mean_luminance();
+        println!(
+            "metallic {metallic}: {} cd/m^2, {} by Bevy, {inside} in a closed room",
+            colour(&ours),
+            colour(&bevys)
+        );
+        // At the picture's ends not all of the sky's directions are near.
+        assert_alike(&without_ends(&ours), &without_ends(&bevys), 0.03);
+        let mean = ours.mean_luminance() / bevys.mean_luminance();
+        assert!((mean - 1.0).abs() < 0.01, "{mean} of what Bevy mirrors");
+        assert!(inside < 0.01, "{inside} of the light in a closed room");
+    }
 }

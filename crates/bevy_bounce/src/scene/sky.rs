@@ -90,8 +90,8 @@ impl SkyMap {
 fn ambient_radiance(own: Option<&AmbientLight>, global: Option<&GlobalAmbientLight>) -> Option<Vec3> {
     let default = GlobalAmbientLight::default();
     let is_set = |light: &&GlobalAmbientLight| light.brightness != default.brightness || light.color != default.color;
-    let own = own.map(|light| (light.color, light.brightness));
-    let (color, brightness) = own.or_else(|| global.filter(is_set).map(|light| (light.color, light.brightness)))?;
+    let global = || global.filter(is_set).map(|light| (light.color, light.brightness));
+    let (color, brightness) = own.map(|light| (light.color, light.brightness)).or_else(global)?;
     Some(color.to_linear().to_vec3().max(Vec3::ZERO) * brightness * AMBIENT_SHARE)
 }
 
@@ -158,6 +158,18 @@ pub(crate) struct SkyBuffers {
     stale: bool,
     measure: Kernel,
     choose: Kernel,
+}
+
+impl SkyBuffers {
+    /// Whether it is ambient light.
+    pub fn is_ambient(&self) -> bool {
+        self.map.as_ref().is_some_and(|measured| measured.map.image.is_none())
+    }
+
+    /// The [`Sky`] on the GPU.
+    pub fn parameters(&self) -> Option<BindingResource<'_>> {
+        self.parameters.binding()
+    }
 }
 
 /// Kernels, and room for the table.
