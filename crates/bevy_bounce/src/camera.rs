@@ -2,8 +2,8 @@
 //!
 //! Bevy decides per app how opaque materials are drawn, and a `Camera3d` without the matching prepasses loses them. So on a
 //! device that can run the plugins, all opaque materials and all 3D cameras are deferred. A camera that asks for bounced
-//! light is given [`Hdr`] and black [`AmbientLight`] besides, and gets back what it had when it no longer asks. On a device
-//! that lacks something, nothing of this happens.
+//! light is given [`Hdr`] and black [`AmbientLight`] besides, and gets back what it had when it no longer asks; until then
+//! that is its sky, see [`GiSettings::sky`](crate::GiSettings::sky). On a device that lacks something, nothing of this happens.
 
 use bevy::camera::Hdr;
 use bevy::core_pipeline::core_3d::check_msaa;
@@ -18,11 +18,31 @@ use bevy::render::settings::WgpuLimits;
 
 use crate::{GlobalIllumination, Technique};
 
+/// Brightness of the ambient light that cameras with bounced light are given: none, and told by its sign from a game's own.
+const DARK: f32 = -0.0;
+
 /// What a camera had before bounced light changed it.
 #[derive(Component, Clone, Debug)]
-struct Found {
+pub(crate) struct Found {
     hdr: bool,
     ambient: Option<AmbientLight>,
+}
+
+impl Found {
+    /// Its own ambient light.
+    pub fn ambient(&self) -> Option<&AmbientLight> {
+        self.ambient.as_ref()
+    }
+}
+
+/// Without brightness. The rest stays, so that a game may set that alone.
+fn darkened(ambient: Option<&AmbientLight>) -> AmbientLight {
+    AmbientLight { brightness: DARK, ..ambient.cloned().unwrap_or_default() }
+}
+
+/// Whether it is ours.
+fn is_darkened(ambient: &AmbientLight) -> bool {
+    ambient.brightness.to_bits() == DARK.to_bits()
 }
 
 impl GlobalIllumination {
@@ -131,11 +151,9 @@ fn prepare_cameras<const HDR: bool>(
 ) {
     for (entity, illumination, hdr, ambient, found) in &mut cameras {
         let mut camera = commands.entity(entity);
-        let is_black = ambient.is_some_and(|ambient| ambient.brightness == 0.0);
-        let black = AmbientLight { brightness: 0.0, ..default() };
         match (illumination.is_some_and(GlobalIllumination::is_active), found) {
             (true, None) => {
-                camera.insert((Found { hdr, ambient: ambient.cloned() }, black));
+                camera.insert((Found { hdr, ambient: ambient.cloned() }, darkened(ambient)));
                 if HDR {
                     camera.insert(Hdr);
                 }
@@ -145,9 +163,9 @@ fn prepare_cameras<const HDR: bool>(
                     found.hdr = false;
                     camera.insert(Hdr);
                 }
-                if !is_black {
+                if !ambient.is_some_and(is_darkened) {
                     found.ambient = ambient.cloned();
-                    camera.insert(black);
+                    camera.insert(darkened(ambient));
                 }
             }
             (false, Some(found)) => {

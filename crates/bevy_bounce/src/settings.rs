@@ -10,7 +10,8 @@ use crate::{CssmReceivers, CssmSettings, GiBudget, GiIsolate, RadianceCacheSetti
 /// Lights what this camera sees with bounced light, right in every frame.
 ///
 /// Brings along what it needs: HDR, black ambient light and, for history, motion vectors; hands back what it found when it is
-/// removed. Every `Camera3d` of the app is deferred, without MSAA, and stays so; with
+/// removed. Ambient light that the game has set is a sky meanwhile: see [`GiSettings::sky`]. Every `Camera3d` of the app is deferred,
+/// without MSAA, and stays so; with
 /// [`GlobalIlluminationPlugins::forward`](crate::GlobalIlluminationPlugins::forward) it brings black ambient light alone.
 #[derive(Component, ExtractComponent, Reflect, Clone, Debug, Default, PartialEq)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
@@ -102,11 +103,12 @@ pub struct GiSettings {
     #[reflect(@0..=64_u32)]
     pub probes: u32,
     /// Directions from which the sky's light comes, for the whole picture: 0 to 256, a multiple of 16. The sky is what the camera's
-    /// `EnvironmentMapLight` shows, also one that Bevy makes of its atmosphere; without one, its `Skybox`. Its light is then shadowed by
-    /// the scene and bounces, and takes the place of Bevy's diffuse light by environment maps; what is mirrored of them stays as
-    /// far as the sky is seen from there, but with [`Technique::RadianceCache`], whose caches show the sky. 0 leaves all to Bevy. Each pixel sends
-    /// a sixteenth of so many rays through the voxel grid; more make its shadows smoother. Not with
-    /// [`Technique::SurfaceRadiosity`].
+    /// `EnvironmentMapLight` shows, also one that Bevy makes of its atmosphere; without one, its `Skybox`; with neither, ambient light
+    /// from all around, as bright as Bevy shows it in the open: the camera's `AmbientLight`, or a `GlobalAmbientLight` that is not Bevy's
+    /// default. Its light is then shadowed by the scene and bounces, and takes the place of Bevy's diffuse light by environment maps; what is
+    /// mirrored of them stays as far as the sky is seen from there, but with [`Technique::RadianceCache`], whose caches show the sky. 0 leaves
+    /// all to Bevy, and of ambient light nothing. Each pixel sends a sixteenth of so many rays through the voxel grid; more make its shadows
+    /// smoother. Not with [`Technique::SurfaceRadiosity`].
     #[reflect(@0..=256_u32)]
     pub sky: u32,
     /// Pixels at which bounced light is shaded.

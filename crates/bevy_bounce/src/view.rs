@@ -194,7 +194,7 @@ pub(crate) fn prepare_view_textures(
     let limit = device.limits().max_texture_dimension_2d;
     for (entity, gi, camera, view, resolution_override, textures) in &views {
         let size = main_pass_size(camera, view, resolution_override).filter(|size| size.max_element() <= limit);
-        let (sky, glossy) = (skies.are_shadowed(gi, view), gi.settings.has_glossy_light());
+        let (sky, glossy) = (skies.are_shadowed(entity, gi, view), gi.settings.has_glossy_light());
         let coat = gi.settings.radiance_cache.glossy;
         let layout = size.map(|size| ViewLayout { size, sky, glossy, coat });
         if layout == textures.map(ViewTextures::layout) {

@@ -5,7 +5,8 @@
 // targets are pre-exposed.
 //
 // Where the sky's light bounces (`SKY`), what surfaces mirror of it goes into a target of its own, for `compose.wgsl` to shadow. What
-// reflection probes show of their surroundings is with it, and is left as it is.
+// reflection probes show of their surroundings is with it, and is left as it is. Where ambient light is the sky (`AMBIENT`), what they
+// mirror of that is what Bevy's `ambient_light` has them mirror.
 
 #import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color}
 #import bevy_bounce::compose::mirrored::pack_mirrored
@@ -25,8 +26,14 @@
 #ifdef SKY
 #import bevy_pbr::light_probe
 #endif
+#ifdef AMBIENT
+#import bevy_bounce::shared::sky::Sky
+#endif
 
 @group(2) @binding(0) var surface_texture: texture_2d<u32>;
+#ifdef AMBIENT
+@group(2) @binding(1) var<uniform> sky: Sky;
+#endif
 
 /// Largest finite half float.
 const HALF_MAX: f32 = 65504.0;
@@ -132,6 +139,16 @@ fn lobe_width(roughness: f32) -> f32 {
 }
 #endif
 
+#ifdef AMBIENT
+/// What is mirrored of ambient light, as in bevy_pbr/src/render/pbr_ambient.wgsl. The sky is as bright as diffuse surfaces show that.
+fn mirrored_ambient(surface: PbrInput, input: lighting::LightingInput) -> vec3<f32> {
+    let ambient = sky.radiance / lighting::F_AB(1.0, input.layers[LAYER_BASE].NdotV).x;
+    let f_zero = mix(input.F0_dielectric, input.F0_metallic, input.metallic);
+    let occlusion = saturate(dot(f_zero, vec3<f32>(50.0 * 0.33)));
+    return lighting::EnvBRDFApprox(f_zero, input.F_ab) * occlusion * ambient * surface.diffuse_occlusion;
+}
+#endif
+
 @fragment
 fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
     var targets: Targets;
@@ -234,6 +251,11 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
 #else
     light += mirrored + environment.diffuse * surface.diffuse_occlusion;
 #endif
+#endif
+
+#ifdef AMBIENT
+    let width = lobe_width(input.layers[LAYER_BASE].roughness);
+    targets.sky = exposed(mirrored_ambient(surface, input), pack_mirrored(width, 0.0));
 #endif
 
     targets.light = exposed(light, 1.0);

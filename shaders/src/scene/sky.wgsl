@@ -77,7 +77,7 @@ fn measure(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     }
     if lane == 0u {
         let all = partial[0];
-        table[group.x] = vec4<f32>(all.rgb / all.w * sky.intensity, all.w);
+        table[group.x] = vec4<f32>(all.rgb / all.w * sky.radiance, all.w);
     }
 }
 

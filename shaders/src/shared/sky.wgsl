@@ -10,7 +10,7 @@ const SKY_TEXELS: u32 = SKY_EDGE * SKY_EDGE;
 
 struct Sky {
     rotation: vec4<f32>,
-    intensity: f32,
+    radiance: vec3<f32>,
     samples: u32,
     max_bounces: u32,
     share: f32,

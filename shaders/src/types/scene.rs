@@ -175,8 +175,8 @@ pub const SKY_EDGE: u32 = 32;
 pub struct Sky {
     /// Quaternion that turns directions of the world into those of the map.
     pub rotation: Vec4,
-    /// Radiance of a texel of 1, cd/m^2.
-    pub intensity: f32,
+    /// Radiance of a white texel, cd/m^2.
+    pub radiance: Vec3,
     /// Samples along the edge of a texel of the table.
     pub samples: u32,
     /// Longest path from the sky, in bounces.

@@ -3,6 +3,7 @@
 
 mod agreement;
 mod air;
+mod ambient;
 mod compose;
 mod deform;
 mod eyes;

@@ -68,7 +68,12 @@ fn every_fragment_shader_translates_wherever_bevys_does() {
         app.add_plugins(CornellPlugin);
         app.add_systems(PostStartup, reflect_a_sky);
     };
-    let ours = fragment_shaders(&mut Stage::with_run(run.clone(), scene), "bevy_bounce/");
+    let under_ambient_light = |app: &mut App| {
+        app.add_plugins(CornellPlugin).insert_resource(GlobalAmbientLight { brightness: 1.0, ..default() });
+    };
+    let mut ours = fragment_shaders(&mut Stage::with_run(run.clone(), scene), "bevy_bounce/");
+    ours.extend(fragment_shaders(&mut Stage::with_run(run.clone(), under_ambient_light), "bevy_bounce/"));
+    assert!(ours.iter().any(|(_, _, defs)| defs.contains(&"AMBIENT".into())), "nothing is under ambient light");
     let paths: BTreeSet<_> = ours.iter().map(|(path, ..)| path.as_str()).collect();
     let expected = ["compose/compose.wgsl", "compose/direct.wgsl", "compose/reflections.wgsl", "ssbc/apply.wgsl"]
         .map(|path| format!("bevy_bounce/{path}"));

@@ -330,12 +330,12 @@ fn no_light_is_counted_twice() {
     assert!(plain.picture(&stage) == plain_without, "a camera without bounced light is lit by probes");
 }
 
-/// Bevy's ambient light stands for bounced light, and is left out everywhere.
+/// The ambient light that each app of Bevy's has stands for bounced light, and is left out everywhere.
 #[test]
-fn ambient_light_is_left_out() {
+fn default_ambient_light_is_left_out() {
     let mut stage = stage(FEW_SIZE, FEW, true);
     let expected = settled(&mut stage, FEW);
-    stage.world().insert_resource(GlobalAmbientLight { brightness: 1000.0, ..default() });
+    stage.world().insert_resource(GlobalAmbientLight::default());
     assert!(stage.settled_picture() == expected, "ambient light beside bounced light");
 }
 

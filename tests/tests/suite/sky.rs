@@ -63,7 +63,7 @@ fn chosen(count: u32, sky: Sky, radiance: impl Fn(Vec3) -> Vec3) -> (Vec<Vec4>, 
 }
 
 fn plain() -> Sky {
-    Sky { rotation: Vec4::W, intensity: 1.0, samples: 0, max_bounces: 5, share: 1.0 }
+    Sky { rotation: Vec4::W, radiance: Vec3::ONE, samples: 0, max_bounces: 5, share: 1.0 }
 }
 
 /// Irradiance on a surface that nothing shadows, lux.
@@ -75,7 +75,7 @@ fn irradiance(lights: &[Light], normal: Vec3) -> Vec3 {
 fn an_even_sky_lights_all_sides_alike() {
     let radiance = Vec3::new(3.0, 2.0, 1.0);
     for count in [16, 64, 256] {
-        let (table, lights) = chosen(count, Sky { intensity: 10.0, ..plain() }, |_| radiance);
+        let (table, lights) = chosen(count, Sky { radiance: Vec3::splat(10.0), ..plain() }, |_| radiance);
         let sphere: f32 = table.iter().map(|texel| texel.w).sum();
         assert!((sphere / (4.0 * PI) - 1.0).abs() < 1e-3, "the sphere has {sphere} sr");
         assert!(table.iter().all(|texel| (texel.truncate() / 10.0 - radiance).abs().max_element() < 0.01));
@@ -201,7 +201,7 @@ fn a_wall_takes_its_part_of_the_sky() {
 }
 
 /// Around the floor, with a shell outside: what looks inwards lets the sky in.
-fn closed_room(build: &mut Builder) {
+pub fn closed_room(build: &mut Builder) {
     let white = build.paint([ALBEDO; 3]);
     let paints = Walls {
         floor: white.clone(),

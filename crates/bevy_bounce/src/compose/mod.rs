@@ -7,10 +7,10 @@
 //! 3. Bounced light is shaded, compensated and averaged over frames.
 //! 4. Where Bevy's screen-space reflections are on, what they will show is taken from glossy light and from the mirrored sky.
 //! 5. `compose` adds up: direct + indirect * diffuse colour * occlusion + emission, then fog, before screen-space
-//!    reflections and everything drawn forward. Where the sky bounces by virtual lights, what surfaces mirror of an environment map
-//!    is added in proportion to what of the sky they see.
+//!    reflections and everything drawn forward. Where the sky bounces by virtual lights, what surfaces mirror of an environment map,
+//!    or of ambient light that is the sky, is added in proportion to what of the sky they see.
 //!
-//! Ambient light and irradiance volumes are left out, for they stand for the bounced light that is computed here;
+//! Bevy's ambient light and irradiance volumes are left out, for they stand for the bounced light that is computed here;
 //! lightmaps, which Bevy's G-buffer carries as emission, stay. Emission shows as in Bevy's deferred path, without exposure.
 //! While the pipelines are compiled, and should they fail, Bevy's lighting runs.
 
@@ -153,7 +153,11 @@ impl Plugin for GiComposePlugin {
             .init_gpu_resource::<reflections::WithoutEnvironmentMaps>()
             .add_systems(
                 RenderStartup,
-                (pipelines::init_compose_pipelines.after(MeshPipelineSystems), forget_components::<ViewTextures>),
+                (
+                    pipelines::init_compose_pipelines.after(MeshPipelineSystems),
+                    forget_components::<ViewTextures>,
+                    forget_components::<pipelines::AmbientPipelines>,
+                ),
             )
             .add_systems(ExtractSchedule, extract_views)
             .add_systems(

@@ -21,6 +21,7 @@ use bevy::render::renderer::{RenderContext, ViewQuery};
 use bevy::render::view::{ViewTarget, ViewUniformOffset, ViewUniforms};
 
 use super::pipelines::{ComposePipelines, ViewPipelines};
+use crate::scene::SkyBuffers;
 use crate::view::{ViewTextures, view_binding};
 
 /// Edge of a workgroup of `compose/surface.wgsl`, pixels.
@@ -107,15 +108,24 @@ pub(super) fn direct_pass(
     view: ViewQuery<(&ViewTextures, &ViewPipelines, &MeshViewBindGroup), With<SkipDeferredLighting>>,
     pipelines: Res<ComposePipelines>,
     cache: Res<PipelineCache>,
+    sky: Option<Res<SkyBuffers>>,
     mut ctx: RenderContext,
 ) {
     let (textures, view_pipelines, view_bindings) = view.into_inner();
     let Some(pipeline) = cache.get_render_pipeline(view_pipelines.direct) else { return };
-    let group = ctx.render_device().create_bind_group(
-        "bounce_direct",
-        &cache.get_bind_group_layout(&pipelines.direct_layout),
-        &BindGroupEntries::single(&textures.surface),
-    );
+    let ambient = sky.as_ref().filter(|_| view_pipelines.mirrors_ambient).and_then(|sky| sky.parameters());
+    let group = match ambient {
+        None => ctx.render_device().create_bind_group(
+            "bounce_direct",
+            &cache.get_bind_group_layout(&pipelines.direct_layout),
+            &BindGroupEntries::single(&textures.surface),
+        ),
+        Some(ambient) => ctx.render_device().create_bind_group(
+            "bounce_direct_ambient",
+            &cache.get_bind_group_layout(&pipelines.ambient_layout),
+            &BindGroupEntries::sequential((&textures.surface, ambient)),
+        ),
+    };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let span = diagnostics.time_span(ctx.command_encoder(), "bounce/direct");

@@ -17,10 +17,11 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::RenderDevice;
 use bevy::render::view::{ExtractedView, ViewUniform};
 use bevy::shader::{Shader, ShaderDefVal};
+use bevy_bounce_shaders::types::Sky;
 
 use super::reflections::{ReflectionBindings, TAKE};
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, has_failed};
-use crate::scene::SceneBuffers;
+use crate::scene::{SceneBuffers, SkyBuffers};
 use crate::view::GiView;
 use crate::{GiIsolate, Technique};
 
@@ -35,6 +36,8 @@ pub(super) struct ComposePipelines {
     pub surface: Kernel,
     /// Group 2 of the direct pass.
     pub direct_layout: BindGroupLayoutDescriptor,
+    /// The same under a sky of ambient light.
+    pub ambient_layout: BindGroupLayoutDescriptor,
     /// Group 2 of the composing passes.
     pub compose_layout: BindGroupLayoutDescriptor,
     mesh_pipeline: MeshPipeline,
@@ -54,6 +57,8 @@ pub(super) enum EnvironmentMaps {
     Shadowed,
     /// It goes: caches have both.
     Replaced,
+    /// There is none, and ambient light is the sky: what is mirrored of that is there, and is shadowed.
+    Ambient,
 }
 
 impl EnvironmentMaps {
@@ -65,33 +70,63 @@ impl EnvironmentMaps {
             Technique::None | Technique::SurfaceRadiosity => Self::Kept,
         }
     }
+
+    /// Whether what is mirrored of the sky has a target of its own.
+    fn is_shadowed(self) -> bool {
+        matches!(self, Self::Shadowed | Self::Ambient)
+    }
 }
+
+/// Pipelines under a sky of ambient light.
+#[derive(Component)]
+pub(super) struct AmbientPipelines(Vec<CachedRenderPipelineId>);
 
 /// Which views the sky bounces in.
 #[derive(SystemParam)]
-pub(crate) struct SkyViews<'w> {
+pub(crate) struct SkyViews<'w, 's> {
     scene: Option<Res<'w, SceneBuffers>>,
+    sky: Option<Res<'w, SkyBuffers>>,
     keys: Res<'w, ViewKeyCache>,
+    cache: Res<'w, PipelineCache>,
+    ambient: Query<'w, 's, &'static AmbientPipelines>,
 }
 
-impl SkyViews<'_> {
+impl SkyViews<'_, '_> {
     fn has_map(&self, view: &ExtractedView) -> bool {
         self.keys.get(&view.retained_view_entity).is_some_and(|key| key.contains(MeshPipelineKey::ENVIRONMENT_MAP))
     }
 
-    fn environment_maps(&self, gi: &GiView, view: &ExtractedView) -> EnvironmentMaps {
-        let bounces = gi.settings.sky > 0 && self.scene.as_ref().is_some_and(|scene| scene.sky_count() > 0);
-        if bounces && self.has_map(view) { EnvironmentMaps::under(gi.technique) } else { EnvironmentMaps::Kept }
+    fn bounces(&self, gi: &GiView) -> bool {
+        gi.settings.sky > 0 && self.scene.as_ref().is_some_and(|scene| scene.sky_count() > 0)
+    }
+
+    /// Whether what a view's surfaces mirror of ambient light that is the sky is to be there.
+    fn asks_for_ambient(&self, gi: &GiView, view: &ExtractedView) -> bool {
+        let is_ambient = self.sky.as_ref().is_some_and(|sky| sky.is_ambient());
+        is_ambient && gi.technique == Technique::InstantRadiosity && self.bounces(gi) && !self.has_map(view)
+    }
+
+    fn environment_maps(&self, entity: Entity, gi: &GiView, view: &ExtractedView) -> EnvironmentMaps {
+        // Without waiting for its pipelines, for a game may set ambient light at any time.
+        let is_ready = |id: &_| self.cache.get_render_pipeline(*id).is_some();
+        let is_ambient = || self.ambient.get(entity).is_ok_and(|pipelines| pipelines.0.iter().all(is_ready));
+        if self.bounces(gi) && self.has_map(view) {
+            EnvironmentMaps::under(gi.technique)
+        } else if self.asks_for_ambient(gi, view) && is_ambient() {
+            EnvironmentMaps::Ambient
+        } else {
+            EnvironmentMaps::Kept
+        }
     }
 
     /// Whether the sky bounces in a view that has an environment map: what is mirrored of that is ours, then.
-    pub fn bounce(&self, gi: &GiView, view: &ExtractedView) -> bool {
-        self.environment_maps(gi, view) != EnvironmentMaps::Kept
+    pub fn bounce(&self, entity: Entity, gi: &GiView, view: &ExtractedView) -> bool {
+        self.environment_maps(entity, gi, view) != EnvironmentMaps::Kept
     }
 
     /// Whether what a view's surfaces mirror of the sky is shadowed.
-    pub fn are_shadowed(&self, gi: &GiView, view: &ExtractedView) -> bool {
-        self.environment_maps(gi, view) == EnvironmentMaps::Shadowed
+    pub fn are_shadowed(&self, entity: Entity, gi: &GiView, view: &ExtractedView) -> bool {
+        self.environment_maps(entity, gi, view).is_shadowed()
     }
 }
 
@@ -139,6 +174,8 @@ pub(super) enum Pass {
 pub(super) struct ViewPipelines {
     /// Direct light.
     pub direct: CachedRenderPipelineId,
+    /// It is with what is mirrored of a sky of ambient light.
+    pub mirrors_ambient: bool,
     /// What screen-space reflections show is taken, where they are on and there is something to take it from.
     pub reflections: Option<CachedRenderPipelineId>,
     /// Into the picture.
@@ -184,6 +221,13 @@ pub(super) fn init_compose_pipelines(
         "bounce_direct_layout",
         &BindGroupLayoutEntries::single(ShaderStages::FRAGMENT, texture_2d(TextureSampleType::Uint)),
     );
+    let ambient_layout = BindGroupLayoutDescriptor::new(
+        "bounce_direct_ambient_layout",
+        &BindGroupLayoutEntries::sequential(
+            ShaderStages::FRAGMENT,
+            (texture_2d(TextureSampleType::Uint), uniform_buffer::<Sky>(false)),
+        ),
+    );
     let compose_layout = BindGroupLayoutDescriptor::new(
         "bounce_compose_layout",
         &BindGroupLayoutEntries::sequential(
@@ -198,6 +242,7 @@ pub(super) fn init_compose_pipelines(
     commands.insert_resource(ComposePipelines {
         surface,
         direct_layout,
+        ambient_layout,
         compose_layout,
         mesh_pipeline: mesh_pipeline.clone(),
         fullscreen: fullscreen.clone(),
@@ -268,9 +313,13 @@ impl SpecializedRenderPipeline for ComposePipelines {
         if let Pass::Compose { sky: true, .. } | Pass::Isolate { sky: true, .. } = pass {
             shader_defs.push("COMPOSE_SKY".into());
         }
-        let shadowed = matches!(pass, Pass::Direct { environment_maps: EnvironmentMaps::Shadowed, .. });
+        let shadowed = matches!(pass, Pass::Direct { environment_maps, .. } if environment_maps.is_shadowed());
         if shadowed {
             shader_defs.push("SKY".into());
+        }
+        let ambient = matches!(pass, Pass::Direct { environment_maps: EnvironmentMaps::Ambient, .. });
+        if ambient {
+            shader_defs.push("AMBIENT".into());
         }
         if let Pass::Direct { environment_maps: EnvironmentMaps::Replaced, .. } = pass {
             shader_defs.retain(|def| *def != ShaderDefVal::from("ENVIRONMENT_MAP"));
@@ -283,7 +332,10 @@ impl SpecializedRenderPipeline for ComposePipelines {
             shader_defs.push("USE_DEPTH_SAMPLERS".into());
         }
         let (label, shader, entry_point, group_layout) = match pass {
-            Pass::Direct { .. } => ("bounce_direct", &self.direct_shader, "fragment", &self.direct_layout),
+            Pass::Direct { .. } => {
+                let layout = if ambient { &self.ambient_layout } else { &self.direct_layout };
+                ("bounce_direct", &self.direct_shader, "fragment", layout)
+            }
             Pass::Reflections { .. } => {
                 ("bounce_reflections", &self.reflections_shader, "take", &self.reflections_layout)
             }
@@ -371,27 +423,38 @@ pub(super) fn prepare_compose_pipelines(
         }
         let (glossy, coat) = (gi.settings.has_glossy_light(), gi.settings.radiance_cache.glossy);
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, (key, pass));
-        let mut all = |environment_maps| {
-            let (indirect, sky) = (gi.isolate != GiIsolate::Direct, environment_maps == EnvironmentMaps::Shadowed);
+        let mut all = |environment_maps: EnvironmentMaps| {
+            let (indirect, sky) = (gi.isolate != GiIsolate::Direct, environment_maps.is_shadowed());
             let isolate = Pass::Isolate { glossy, coat, sky, entry: entry(gi.isolate) };
             let targets = usize::from(glossy) + usize::from(sky);
             let reflects = targets > 0 && key.contains(MeshPipelineKey::SCREEN_SPACE_REFLECTIONS);
             ViewPipelines {
                 reflections: reflects.then(|| pipeline(Pass::Reflections { targets })),
                 direct: pipeline(Pass::Direct { environment_maps, glossy: glossy && sky }),
+                mirrors_ambient: environment_maps == EnvironmentMaps::Ambient,
                 compose: pipeline(Pass::Compose { indirect, glossy, coat, sky }),
                 isolate: gi.isolate.is_alone().then(|| pipeline(isolate)),
             }
         };
         // Both, so that a sky may come and go from one frame to the next.
         let kept = all(EnvironmentMaps::Kept);
-        let under_sky = skies.has_map(view).then(|| all(EnvironmentMaps::under(gi.technique)));
+        let environment_maps = skies.environment_maps(entity, gi, view);
+        let ambient = skies.asks_for_ambient(gi, view).then(|| all(EnvironmentMaps::Ambient));
+        let mut view_entity = commands.entity(entity);
+        match &ambient {
+            Some(ambient) => view_entity.insert(AmbientPipelines(ambient.ids().collect())),
+            None => view_entity.remove::<AmbientPipelines>(),
+        };
+        let under_sky = match environment_maps {
+            EnvironmentMaps::Ambient => ambient,
+            _ => skies.has_map(view).then(|| all(EnvironmentMaps::under(gi.technique))),
+        };
         let ids = || kept.ids().chain(under_sky.iter().flat_map(ViewPipelines::ids));
         let state = |id| cache.get_render_pipeline_state(id);
         let ready =
             pipelines.surface.is_ready(&cache) && ids().all(|id| matches!(state(id), CachedPipelineState::Ok(_)));
         let failed = pipelines.surface.has_failed(&cache) || ids().any(|id| has_failed(state(id)));
-        let view_pipelines = match (under_sky, skies.environment_maps(gi, view)) {
+        let view_pipelines = match (under_sky, environment_maps) {
             (None, _) | (_, EnvironmentMaps::Kept) => kept,
             (Some(under_sky), _) => under_sky,
         };

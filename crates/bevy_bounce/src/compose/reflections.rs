@@ -148,7 +148,7 @@ pub(super) fn take_environment_maps_from_reflections(
     let is_ready = |id| matches!(cache.get_render_pipeline_state(id), CachedPipelineState::Ok(_));
     for (entity, gi, view, mut pipeline) in &mut views {
         let without = is_ready(**pipeline).then(|| known.get(**pipeline, &cache));
-        if !skies.bounce(gi, view) {
+        if !skies.bounce(entity, gi, view) {
             continue;
         }
         match without.filter(|id| is_ready(*id)) {

@@ -14,7 +14,7 @@
 //! | `deform` | skins and morph weights | poses, room for deformed vertices |
 //! | `air` | Bevy's atmosphere | what it takes from directional lights |
 //! | `lights` | Bevy's lights, bounds | lights and their powers |
-//! | `sky` | the cube map that lights a camera | directional lights that stand for it, on the GPU |
+//! | `sky` | the cube map or ambient light that lights a camera | directional lights that stand for it, on the GPU |
 //! | `prepare` | the tables | buffers, uploads of what changed |
 //! | `passes` | poses, images | deformed vertices, thumbnails, on the GPU |
 //!
@@ -80,7 +80,7 @@ pub(crate) use self::sky::SkyBuffers;
 pub use self::stand_in::{GiMaterial, GiMaterialPlugin};
 
 /// What a light adds to the bounced light; without it a light takes part as [`GiLight::default`]. On a camera, it is that of the
-/// sky: see [`GiSettings::sky`](crate::GiSettings::sky).
+/// sky, ambient light included: see [`GiSettings::sky`](crate::GiSettings::sky).
 #[derive(Component, Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Component, Default, Debug, Clone, PartialEq)]
 pub struct GiLight {

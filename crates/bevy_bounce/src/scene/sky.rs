@@ -1,8 +1,9 @@
 //! The sky: light from all around, beyond the scene.
 //!
 //! It is what the first camera with global illumination, by its order, is lit by: its `EnvironmentMapLight`, which Bevy also makes of
-//! a `GeneratedEnvironmentMapLight` and of an atmosphere's `AtmosphereEnvironmentMapLight`; without one, its `Skybox`. A [`GiLight`]
-//! on that camera says how the sky takes part: its intensity scales all of it; [`GiLight::OFF`] leaves Bevy's own unshadowed light.
+//! a `GeneratedEnvironmentMapLight` and of an atmosphere's `AtmosphereEnvironmentMapLight`; without one, its `Skybox`; with neither, the
+//! ambient light that the game has set, alike from all around. A [`GiLight`] on that camera says how the sky takes part: its intensity
+//! scales all of it; [`GiLight::OFF`] leaves Bevy's own unshadowed light by environment maps, and of ambient light nothing.
 //!
 //! A map is the sky's sharp one, `specular_map`, at its finest level. One that Bevy makes each frame is that of the frame before.
 //!
@@ -13,7 +14,11 @@
 //! | `table` | 16 KiB | octahedral map of 32 x 32 texels: radiance, cd/m^2, and solid angle, sr |
 //! | `lights` | 80 B a direction | directional lights after those of Bevy, in the scene's table of lights |
 
-use bevy::light::{EnvironmentMapLight, GeneratedEnvironmentMapLight, Skybox};
+use bevy::ecs::query::QueryData;
+use bevy::light::{
+    AmbientLight, AtmosphereEnvironmentMapLight, EnvironmentMapLight, GeneratedEnvironmentMapLight, GlobalAmbientLight,
+    Skybox,
+};
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -24,13 +29,14 @@ use bevy::render::render_resource::{
     TextureViewDimension, TextureViewId, UniformBuffer,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
-use bevy::render::texture::GpuImage;
+use bevy::render::texture::{FallbackImage, GpuImage};
 use bevy_bounce_shaders::types::{SKY_EDGE, Sky};
 
 use super::GiLight;
 use super::extract::spawn_order;
 use super::prepare::SceneBuffers;
 use super::table::STORAGE_USAGES;
+use crate::camera::Found;
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, whole};
 use crate::settings::GiWorldSettings;
 use crate::{GlobalIllumination, Technique};
@@ -41,11 +47,15 @@ const TEXELS: u32 = SKY_EDGE * SKY_EDGE;
 const SAMPLES_A_TEXEL: f32 = 0.0766;
 /// At most.
 const MAX_SAMPLES: u32 = 32;
+/// Share of its ambient light that Bevy's `ambient_light` has a white diffuse surface send: `F_AB` of bevy_pbr/src/render/pbr_lighting.wgsl at a
+/// roughness of 1.
+const AMBIENT_SHARE: f32 = (1.04 - 0.572) - 1.04 * (0.0425 - 0.0275);
 
 /// A cube map that lights the scene.
 #[derive(Clone, Debug, PartialEq)]
 struct SkyMap {
-    image: AssetId<Image>,
+    /// `None` for one that is white all around.
+    image: Option<AssetId<Image>>,
     parameters: Sky,
     /// Its texels become others without its becoming another image.
     changes: bool,
@@ -56,44 +66,77 @@ struct SkyMap {
 pub(super) struct ExtractedSky(Option<SkyMap>);
 
 impl SkyMap {
-    fn new(image: &Handle<Image>, intensity: f32, rotation: Quat, gi: GiLight, changes: bool) -> Option<Self> {
+    /// `radiance`: that of a white texel, cd/m^2.
+    fn new(image: Option<&Handle<Image>>, radiance: Vec3, rotation: Quat, gi: GiLight) -> Option<Self> {
         let parameters = Sky {
             rotation: rotation.inverse().into(),
-            intensity: intensity * gi.intensity,
+            radiance: radiance * gi.intensity,
             samples: 1,
             max_bounces: gi.bounces,
             share: gi.share,
         };
-        let shines = parameters.intensity.is_finite() && parameters.intensity > 0.0 && rotation.is_finite();
+        let shines = parameters.radiance.is_finite() && parameters.radiance.max_element() > 0.0 && rotation.is_finite();
         let weighted = gi.share.is_finite() && gi.share > 0.0 && gi.bounces > 0;
-        (shines && weighted).then(|| Self { image: image.id(), parameters, changes })
+        (shines && weighted).then(|| Self { image: image.map(Handle::id), parameters, changes: false })
+    }
+
+    fn texture<'a>(&self, images: &'a RenderAssets<GpuImage>, fallbacks: &'a FallbackImage) -> Option<&'a GpuImage> {
+        self.image.map_or(Some(&fallbacks.cube), |image| images.get(image).filter(|image| is_cube(image)))
     }
 }
 
-type SkyCamera = (
-    Entity,
-    &'static Camera,
-    &'static GlobalIllumination,
-    Option<&'static EnvironmentMapLight>,
-    Has<GeneratedEnvironmentMapLight>,
-    Option<&'static Skybox>,
-    Option<&'static GiLight>,
-);
+/// Radiance of the sky that ambient light stands for, cd/m^2: an open diffuse surface is as bright under either. A camera's own counts before
+/// that of the app, which each app of Bevy's has at its default: that is no game's sky.
+fn ambient_radiance(own: Option<&AmbientLight>, global: Option<&GlobalAmbientLight>) -> Option<Vec3> {
+    let default = GlobalAmbientLight::default();
+    let is_set = |light: &&GlobalAmbientLight| light.brightness != default.brightness || light.color != default.color;
+    let global = || global.filter(is_set).map(|light| (light.color, light.brightness));
+    let (color, brightness) = own.map(|light| (light.color, light.brightness)).or_else(global)?;
+    Some(color.to_linear().to_vec3().max(Vec3::ZERO) * brightness * AMBIENT_SHARE)
+}
+
+/// What of a camera says which sky it has.
+#[derive(QueryData)]
+pub(super) struct SkyCamera {
+    entity: Entity,
+    camera: &'static Camera,
+    settings: &'static GlobalIllumination,
+    environment: Option<&'static EnvironmentMapLight>,
+    generated: Has<GeneratedEnvironmentMapLight>,
+    of_atmosphere: Has<AtmosphereEnvironmentMapLight>,
+    skybox: Option<&'static Skybox>,
+    found: Option<&'static Found>,
+    gi: Option<&'static GiLight>,
+}
+
+impl SkyCameraItem<'_, '_> {
+    fn sky(&self, global: Option<&GlobalAmbientLight>) -> Option<SkyMap> {
+        let gi = self.gi.copied().unwrap_or_default();
+        if let Some(map) = self.environment {
+            let radiance = Vec3::splat(map.intensity);
+            let sky = SkyMap::new(Some(&map.specular_map), radiance, map.rotation, gi)?;
+            return Some(SkyMap { changes: self.generated, ..sky });
+        }
+        if let Some(sky) = self.skybox {
+            return SkyMap::new(Some(sky.image.as_ref()?), Vec3::splat(sky.brightness), sky.rotation, gi);
+        }
+        // A map that Bevy has yet to make is the sky already.
+        let found = self.found.filter(|_| !self.generated && !self.of_atmosphere)?;
+        SkyMap::new(None, ambient_radiance(found.ambient(), global)?, Quat::IDENTITY, gi)
+    }
+}
 
 /// Finds the map.
-pub(super) fn extract_sky(mut extracted: ResMut<ExtractedSky>, cameras: Extract<Query<SkyCamera>>) {
+pub(super) fn extract_sky(
+    mut extracted: ResMut<ExtractedSky>,
+    cameras: Extract<Query<SkyCamera>>,
+    ambient: Extract<Option<Res<GlobalAmbientLight>>>,
+) {
     let first = cameras
         .iter()
-        .filter(|(_, camera, settings, ..)| camera.is_active && settings.technique != Technique::None)
-        .min_by_key(|(entity, camera, ..)| (camera.order, spawn_order(*entity)));
-    extracted.0 = first.and_then(|(_, _, _, environment, generated, skybox, gi)| {
-        let gi = gi.copied().unwrap_or_default();
-        match (environment, skybox) {
-            (Some(map), _) => SkyMap::new(&map.specular_map, map.intensity, map.rotation, gi, generated),
-            (None, Some(sky)) => SkyMap::new(sky.image.as_ref()?, sky.brightness, sky.rotation, gi, false),
-            (None, None) => None,
-        }
-    });
+        .filter(|item| item.camera.is_active && item.settings.technique != Technique::None)
+        .min_by_key(|item| (item.camera.order, spawn_order(item.entity)));
+    extracted.0 = first.and_then(|camera| camera.sky(ambient.as_deref()));
 }
 
 /// What a table was made of.
@@ -115,6 +158,18 @@ pub(crate) struct SkyBuffers {
     stale: bool,
     measure: Kernel,
     choose: Kernel,
+}
+
+impl SkyBuffers {
+    /// Whether it is ambient light.
+    pub fn is_ambient(&self) -> bool {
+        self.map.as_ref().is_some_and(|measured| measured.map.image.is_none())
+    }
+
+    /// The [`Sky`] on the GPU.
+    pub fn parameters(&self) -> Option<BindingResource<'_>> {
+        self.parameters.binding()
+    }
 }
 
 /// Kernels, and room for the table.
@@ -166,11 +221,12 @@ pub(super) fn update_sky(
     settings: Res<GiWorldSettings>,
     extracted: Res<ExtractedSky>,
     images: Res<RenderAssets<GpuImage>>,
+    fallbacks: Res<FallbackImage>,
     cache: Res<PipelineCache>,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
-    let found = extracted.0.as_ref().and_then(|map| Some((map, images.get(map.image).filter(|image| is_cube(image))?)));
+    let found = extracted.0.as_ref().and_then(|map| Some((map, map.texture(&images, &fallbacks)?)));
     let asked = settings.0.map_or(0, |settings| settings.sky);
     let ready = asked > 0 && sky.measure.is_ready(&cache) && sky.choose.is_ready(&cache);
     let (Some((map, image)), true) = (found, ready) else {
@@ -195,11 +251,12 @@ pub(super) fn light_sky(
     mut sky: ResMut<SkyBuffers>,
     scene: Res<SceneBuffers>,
     images: Res<RenderAssets<GpuImage>>,
+    fallbacks: Res<FallbackImage>,
     cache: Res<PipelineCache>,
     mut ctx: RenderContext,
 ) {
     let sky = &mut *sky;
-    let image = sky.map.as_ref().and_then(|measured| images.get(measured.map.image));
+    let image = sky.map.as_ref().and_then(|measured| measured.map.texture(&images, &fallbacks));
     let (Some(image), Some(parameters), Some(scene_uniform)) = (image, sky.parameters.binding(), scene.uniform())
     else {
         return;
@@ -242,10 +299,26 @@ mod tests {
     #[test]
     fn skies_that_give_nothing_are_none() {
         let image = Handle::default();
-        let sky = |intensity, gi| SkyMap::new(&image, intensity, Quat::IDENTITY, gi, false);
+        let sky = |radiance, gi| SkyMap::new(Some(&image), Vec3::splat(radiance), Quat::IDENTITY, gi);
         assert!(sky(100.0, GiLight::default()).is_some());
         assert!(sky(0.0, GiLight::default()).is_none());
         assert!(sky(f32::NAN, GiLight::default()).is_none());
         assert!(sky(100.0, GiLight::OFF).is_none());
+    }
+
+    #[test]
+    fn ambient_light_that_a_game_has_set_is_a_sky() {
+        let [usual, none] = [GlobalAmbientLight::default(), GlobalAmbientLight::NONE];
+        let red = GlobalAmbientLight { color: Color::linear_rgb(1.0, 0.0, 0.0), ..usual.clone() };
+        let bright = GlobalAmbientLight { brightness: 2000.0, ..usual.clone() };
+        let own = AmbientLight { brightness: 50.0, ..default() };
+        let radiance = |own, global| ambient_radiance(own, global).map(|radiance| radiance / AMBIENT_SHARE);
+        assert_eq!(radiance(None, None), None);
+        assert_eq!(radiance(None, Some(&usual)), None, "what each app has");
+        assert_eq!(radiance(None, Some(&none)), Some(Vec3::ZERO));
+        assert_eq!(radiance(None, Some(&red)), Some(Vec3::new(80.0, 0.0, 0.0)));
+        assert_eq!(radiance(None, Some(&bright)), Some(Vec3::splat(2000.0)));
+        assert_eq!(radiance(Some(&own), Some(&bright)), Some(Vec3::splat(50.0)));
+        assert_eq!(radiance(Some(&AmbientLight::default()), None), Some(Vec3::splat(80.0)));
     }
 }

@@ -12,7 +12,7 @@ use fastrand::Rng;
 
 use super::fogs::{camera_fog, despawn_fog, drop_fog_asset, edit_fog, move_fog, spawn_fog, volumetric_light};
 use super::settings::{illumination, isolate};
-use super::skies::{drop_sky_asset, reflections, sky, skybox};
+use super::skies::{ambient_light, drop_sky_asset, reflections, sky, skybox};
 use super::{SIZE, Soak};
 
 /// Most of each that there may be at a time.
@@ -51,6 +51,8 @@ pub const ACTIONS: &[(&str, Action)] = &[
     ("sky", sky),
     ("skybox", skybox),
     ("drop sky asset", drop_sky_asset),
+    ("ambient light", ambient_light),
+    ("ambient light", ambient_light),
     ("reflections", reflections),
     ("spawn fog", spawn_fog),
     ("despawn fog", despawn_fog),

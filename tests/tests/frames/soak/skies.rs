@@ -37,6 +37,20 @@ pub fn skybox(soak: &mut Soak) {
     };
 }
 
+/// Ambient light of the app or of a camera, or none.
+pub fn ambient_light(soak: &mut Soak) {
+    let camera = camera(soak);
+    let (color, brightness) = (color(&mut soak.random), 2000.0 * soak.random.f32());
+    let choice = soak.random.u32(0..4);
+    let world = soak.stage.world();
+    match choice {
+        0 => world.insert_resource(GlobalAmbientLight::NONE),
+        1 => world.insert_resource(GlobalAmbientLight { color, brightness, ..default() }),
+        2 => _ = world.entity_mut(camera).insert(AmbientLight { color, brightness, ..default() }),
+        _ => _ = world.entity_mut(camera).remove::<AmbientLight>(),
+    }
+}
+
 /// Bevy's reflections on the screen, or none.
 pub fn reflections(soak: &mut Soak) {
     let (camera, remove) = (camera(soak), soak.random.u32(0..3) == 0);
