@@ -153,7 +153,8 @@ fn prepare_cameras<const HDR: bool>(
         let mut camera = commands.entity(entity);
         match (illumination.is_some_and(GlobalIllumination::is_active), found) {
             (true, None) => {
-                camera.insert((Found { hdr, ambient: ambient.cloned() }, darkened(ambient)));
+                let own = ambient.filter(|ambient| !is_darkened(ambient)).cloned();
+                camera.insert((Found { hdr, ambient: own }, darkened(ambient)));
                 if HDR {
                     camera.insert(Hdr);
                 }
@@ -163,9 +164,14 @@ fn prepare_cameras<const HDR: bool>(
                     found.hdr = false;
                     camera.insert(Hdr);
                 }
-                if !ambient.is_some_and(is_darkened) {
-                    found.ambient = ambient.cloned();
-                    camera.insert(darkened(ambient));
+                match (ambient.filter(|ambient| is_darkened(ambient)), &mut found.ambient) {
+                    // A game may set the colour alone.
+                    (Some(dark), Some(own)) => own.color = dark.color,
+                    (Some(_), None) => {}
+                    (None, own) => {
+                        *own = ambient.cloned();
+                        camera.insert(darkened(ambient));
+                    }
                 }
             }
             (false, Some(found)) => {
@@ -173,10 +179,11 @@ fn prepare_cameras<const HDR: bool>(
                 if HDR && !found.hdr {
                     camera.remove::<Hdr>();
                 }
-                match found.ambient.clone() {
-                    Some(ambient) => camera.insert(ambient),
-                    None => camera.remove::<AmbientLight>(),
-                };
+                match (ambient.filter(|ambient| !is_darkened(ambient)), found.ambient.clone()) {
+                    (Some(_), _) => {}
+                    (None, Some(own)) => _ = camera.insert(own),
+                    (None, None) => _ = camera.remove::<AmbientLight>(),
+                }
             }
             (false, None) => {}
         }

@@ -25,7 +25,7 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::RenderDevice;
 use bevy::render::view::{ExtractedView, ViewUniform, ViewUniformOffset, ViewUniforms};
 
-use crate::compose::SkyViews;
+use crate::compose::EnvironmentMaps;
 use crate::{GiIsolate, GiSettings, Technique};
 
 /// A camera with bounced light, in the render world.
@@ -181,20 +181,21 @@ pub(crate) fn main_pass_size(
 pub(crate) fn prepare_view_textures(
     mut commands: Commands,
     device: Res<RenderDevice>,
-    skies: SkyViews,
     views: Query<(
         Entity,
         &GiView,
         &ExtractedCamera,
         &ExtractedView,
         Option<&MainPassResolutionOverride>,
+        Option<&EnvironmentMaps>,
         Option<&ViewTextures>,
     )>,
 ) {
     let limit = device.limits().max_texture_dimension_2d;
-    for (entity, gi, camera, view, resolution_override, textures) in &views {
+    for (entity, gi, camera, view, resolution_override, environment_maps, textures) in &views {
         let size = main_pass_size(camera, view, resolution_override).filter(|size| size.max_element() <= limit);
-        let (sky, glossy) = (skies.are_shadowed(entity, gi, view), gi.settings.has_glossy_light());
+        let sky = environment_maps.is_some_and(|maps| maps.are_shadowed());
+        let glossy = gi.settings.has_glossy_light();
         let coat = gi.settings.radiance_cache.glossy;
         let layout = size.map(|size| ViewLayout { size, sky, glossy, coat });
         if layout == textures.map(ViewTextures::layout) {

@@ -27,7 +27,7 @@
 #import bevy_pbr::light_probe
 #endif
 #ifdef AMBIENT
-#import bevy_bounce::shared::sky::Sky
+#import bevy_bounce::shared::sky::{Sky, AMBIENT_SHARE}
 #endif
 
 @group(2) @binding(0) var surface_texture: texture_2d<u32>;
@@ -142,7 +142,7 @@ fn lobe_width(roughness: f32) -> f32 {
 #ifdef AMBIENT
 /// What is mirrored of ambient light, as in bevy_pbr/src/render/pbr_ambient.wgsl. The sky is as bright as diffuse surfaces show that.
 fn mirrored_ambient(surface: PbrInput, input: lighting::LightingInput) -> vec3<f32> {
-    let ambient = sky.radiance / lighting::F_AB(1.0, input.layers[LAYER_BASE].NdotV).x;
+    let ambient = sky.radiance / AMBIENT_SHARE;
     let f_zero = mix(input.F0_dielectric, input.F0_metallic, input.metallic);
     let occlusion = saturate(dot(f_zero, vec3<f32>(50.0 * 0.33)));
     return lighting::EnvBRDFApprox(f_zero, input.F_ab) * occlusion * ambient * surface.diffuse_occlusion;
@@ -228,13 +228,15 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
     }
 #endif
 
+    var mirrored = vec3<f32>(0.0);
+    var probes = 0.0;
 #ifdef ENVIRONMENT_MAP
 #ifdef SKY
     // The sky's light by the diffuse colour is with what bounces; what metals reflect after several bounces in their relief is not.
     input.diffuse_color = vec3<f32>(0.0);
 #endif
     let environment = environment_map::environment_map_light(&input, &ranges, false);
-    var mirrored = environment.specular * surface.specular_occlusion;
+    mirrored = environment.specular * surface.specular_occlusion;
 #ifdef SCREEN_SPACE_REFLECTIONS
 #ifndef SKY
     // Bevy's screen-space reflections add it, whatever the roughness; under a sky that bounces they do not.
@@ -246,16 +248,19 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
     // With it goes where screen-space reflections meet something, though they lack it.
     mirrored += environment.diffuse * surface.diffuse_occlusion;
 #endif
-    let probes = share_of_probes(surface.world_position.xyz, &ranges);
-    targets.sky = exposed(mirrored, pack_mirrored(lobe_width(input.layers[LAYER_BASE].roughness), probes));
+    probes = share_of_probes(surface.world_position.xyz, &ranges);
 #else
     light += mirrored + environment.diffuse * surface.diffuse_occlusion;
 #endif
 #endif
 
 #ifdef AMBIENT
-    let width = lobe_width(input.layers[LAYER_BASE].roughness);
-    targets.sky = exposed(mirrored_ambient(surface, input), pack_mirrored(width, 0.0));
+    let ambient = mirrored_ambient(surface, input);
+    probes *= dot(mirrored, vec3<f32>(1.0)) / max(dot(mirrored + ambient, vec3<f32>(1.0)), 1e-20);
+    mirrored += ambient;
+#endif
+#ifdef SKY
+    targets.sky = exposed(mirrored, pack_mirrored(lobe_width(input.layers[LAYER_BASE].roughness), probes));
 #endif
 
     targets.light = exposed(light, 1.0);

@@ -33,8 +33,8 @@ const PATCH: f32 = 0.25;
 // Voxels: a path starts on a plane of the grid, and in a corner another one is near.
 const PATH_GAP: f32 = 0.02;
 
-// Each light has a part of the sequence of its own, and so have all emitters and all of the sky: what one sends does not depend on
-// what else shines.
+// Each light has a part of the sequence of its own, and so have all emitters and all of the sky: which points of it one uses does not
+// depend on what else shines, but for how many.
 const PART_BITS: u32 = 20u;
 const PARTS: u32 = 1u << (32u - PART_BITS);
 const SKY_PART: u32 = PARTS - 1u;
@@ -119,7 +119,7 @@ fn stretch(before: f32, after: f32, total: f32) -> Stretch {
     let first = path_after(before, total);
     let count = path_after(after, total) - first;
     let expected = (after - before) / total * paths;
-    return Stretch(first, count, paths / select(f32(count), max(expected, 1e-30), expected < 1.0));
+    return Stretch(first, count, paths / select(max(f32(count), 1.0), max(expected, 1e-30), expected < 1.0));
 }
 
 // The light whose paths that one is among.

@@ -88,7 +88,7 @@ fn promise(brick: u32) -> f32 {
         return LOST_PROMISE;
     }
     let first = (brick - 1u) * BRICK_WORDS;
-    let onward = f32(atomicLoad(&bricks[first + BRICK_ONWARD])) / f32(atomicLoad(&bricks[first + BRICK_TRIED]));
+    let onward = f32(atomicLoad(&bricks[first + BRICK_ONWARD])) / max(f32(atomicLoad(&bricks[first + BRICK_TRIED])), 1.0);
     return mix(OPEN_PROMISE, 1.0, onward);
 }
 

@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use bevy::light::Skybox;
+use bevy::light::{LightProbe, Skybox};
 use bevy::prelude::*;
 use bevy_bounce::{GiIsolate, GiLight, GiSettings, GlobalIllumination, Technique};
 use bevy_bounce_examples::scenes::Builder;
@@ -108,6 +108,12 @@ fn it_is_the_sky_that_the_game_says() {
     near(share(&mut stage), Vec3::new(0.5, 0.25, 0.125));
     near(share(&mut stage), Vec3::new(0.5, 0.25, 0.125));
     let camera = stage.only::<Camera3d>();
+    for (tint, expected) in
+        [(Color::linear_rgb(0.0, 0.2, 1.0), Vec3::new(0.0, 0.1, 0.5)), (color, Vec3::new(0.5, 0.25, 0.125))]
+    {
+        stage.world().get_mut::<AmbientLight>(camera).expect("has one").color = tint;
+        near(share(&mut stage), expected);
+    }
     for (brightness, expected) in [(BRIGHTNESS, Vec3::new(1.0, 0.5, 0.25)), (0.0, Vec3::ZERO)] {
         stage.world().get_mut::<AmbientLight>(camera).expect("has one").brightness = brightness;
         near(share(&mut stage), expected);
@@ -149,7 +155,6 @@ fn what_each_app_has_is_no_sky() {
     assert!(stage.settled_picture() == none, "the default is a sky");
     set(&mut stage, GlobalAmbientLight::default().brightness + 1.0);
     assert!(stage.settled_picture() != none, "another is none");
-    stage.world().remove_resource::<GlobalAmbientLight>();
 }
 
 #[test]
@@ -235,4 +240,23 @@ fn what_is_mirrored_is_bevys_too() {
         assert!((mean - 1.0).abs() < 0.01, "{mean} of what Bevy mirrors");
         assert!(inside < 0.01, "{inside} of the light in a closed room");
     }
+}
+
+/// A reflection probe that the camera sees, and that holds no surface, takes nothing of what is mirrored.
+#[test]
+fn a_reflection_probe_in_view_leaves_ambient_light_alone() {
+    let mut stage = stage(SETTINGS, false, |_| {});
+    for (_, material) in stage.world().resource_mut::<Assets<StandardMaterial>>().iter_mut() {
+        *material = StandardMaterial { metallic: 1.0, perceptual_roughness: 0.5, ..material.clone() };
+    }
+    set(&mut stage, BRIGHTNESS);
+    let without = stage.settled_picture();
+    assert!(without.mean_luminance() > 100.0, "{} cd/m^2 are too dark to tell", without.mean_luminance());
+    let mut images = stage.world().resource_mut::<Assets<Image>>();
+    let map = EnvironmentMapLight { intensity: 500.0, ..EnvironmentMapLight::solid_color(&mut images, Color::WHITE) };
+    let place = Transform::from_xyz(0.0, 2.0, 0.0).with_scale(Vec3::splat(0.3));
+    let probe = stage.world().spawn((LightProbe::default(), map, place)).id();
+    assert_alike(&stage.settled_picture(), &without, 0.01);
+    stage.world().despawn(probe);
+    assert_alike(&stage.picture(), &without, 0.01);
 }

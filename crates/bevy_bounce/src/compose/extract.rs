@@ -6,7 +6,7 @@ use bevy::prelude::*;
 use bevy::render::sync_world::RenderEntity;
 use bevy::render::{Extract, MainWorld};
 
-use super::pipelines::ViewPipelines;
+use super::pipelines::{EnvironmentMaps, ViewPipelines};
 use crate::view::{GiView, ViewTextures};
 use crate::{GiBudget, GiIsolate, GlobalIllumination};
 
@@ -36,7 +36,9 @@ pub(crate) fn extract_views(
         }
     }
     for entity in views.iter().filter(|entity| !active.contains(entity)) {
-        commands.entity(entity).remove::<(GiView, ViewTextures, ViewPipelines, SkipDeferredLighting)>();
+        commands
+            .entity(entity)
+            .remove::<(GiView, ViewTextures, ViewPipelines, EnvironmentMaps, SkipDeferredLighting)>();
     }
 }
 

@@ -30,7 +30,7 @@ use bevy::render::render_resource::SpecializedRenderPipelines;
 use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 
 pub(crate) use extract::{extract_views, hand_back_resets};
-pub(crate) use pipelines::SkyViews;
+pub(crate) use pipelines::EnvironmentMaps;
 
 use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
@@ -153,11 +153,7 @@ impl Plugin for GiComposePlugin {
             .init_gpu_resource::<reflections::WithoutEnvironmentMaps>()
             .add_systems(
                 RenderStartup,
-                (
-                    pipelines::init_compose_pipelines.after(MeshPipelineSystems),
-                    forget_components::<ViewTextures>,
-                    forget_components::<pipelines::AmbientPipelines>,
-                ),
+                (pipelines::init_compose_pipelines.after(MeshPipelineSystems), forget_components::<ViewTextures>),
             )
             .add_systems(ExtractSchedule, extract_views)
             .add_systems(
@@ -174,7 +170,7 @@ impl Plugin for GiComposePlugin {
                     masked::draw_masked_surfaces_once
                         .after(RenderSystems::PrepareAssets)
                         .before(RenderSystems::Specialize),
-                    prepare_view_textures.in_set(GiSystems::Prepare),
+                    prepare_view_textures.in_set(GiSystems::Prepare).after(pipelines::prepare_compose_pipelines),
                 ),
             )
             .configure_sets(

@@ -48,16 +48,16 @@ pub(super) struct ComposePipelines {
     reflections_layout: BindGroupLayoutDescriptor,
 }
 
-/// What becomes of Bevy's light by environment maps.
-#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
-pub(super) enum EnvironmentMaps {
+/// What becomes of Bevy's light by environment maps in a view.
+#[derive(Component, Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(crate) enum EnvironmentMaps {
     /// It stays.
     Kept,
     /// The diffuse part goes, for the sky bounces; what is mirrored stays, and is shadowed.
     Shadowed,
     /// It goes: caches have both.
     Replaced,
-    /// There is none, and ambient light is the sky: what is mirrored of that is there, and is shadowed.
+    /// As shadowed, of reflection probes; ambient light is the sky, and what is mirrored of that is there, and is shadowed.
     Ambient,
 }
 
@@ -72,61 +72,28 @@ impl EnvironmentMaps {
     }
 
     /// Whether what is mirrored of the sky has a target of its own.
-    fn is_shadowed(self) -> bool {
+    pub fn are_shadowed(self) -> bool {
         matches!(self, Self::Shadowed | Self::Ambient)
     }
 }
 
-/// Pipelines under a sky of ambient light.
-#[derive(Component)]
-pub(super) struct AmbientPipelines(Vec<CachedRenderPipelineId>);
-
-/// Which views the sky bounces in.
+/// What is known of the sky.
 #[derive(SystemParam)]
-pub(crate) struct SkyViews<'w, 's> {
+pub(super) struct KnownSky<'w> {
     scene: Option<Res<'w, SceneBuffers>>,
     sky: Option<Res<'w, SkyBuffers>>,
-    keys: Res<'w, ViewKeyCache>,
-    cache: Res<'w, PipelineCache>,
-    ambient: Query<'w, 's, &'static AmbientPipelines>,
 }
 
-impl SkyViews<'_, '_> {
-    fn has_map(&self, view: &ExtractedView) -> bool {
-        self.keys.get(&view.retained_view_entity).is_some_and(|key| key.contains(MeshPipelineKey::ENVIRONMENT_MAP))
-    }
-
+impl KnownSky<'_> {
+    /// Whether it bounces in that view.
     fn bounces(&self, gi: &GiView) -> bool {
         gi.settings.sky > 0 && self.scene.as_ref().is_some_and(|scene| scene.sky_count() > 0)
     }
 
-    /// Whether what a view's surfaces mirror of ambient light that is the sky is to be there.
-    fn asks_for_ambient(&self, gi: &GiView, view: &ExtractedView) -> bool {
+    /// Whether it is ambient light, of which that view's surfaces mirror.
+    fn is_mirrored_ambient(&self, gi: &GiView) -> bool {
         let is_ambient = self.sky.as_ref().is_some_and(|sky| sky.is_ambient());
-        is_ambient && gi.technique == Technique::InstantRadiosity && self.bounces(gi) && !self.has_map(view)
-    }
-
-    fn environment_maps(&self, entity: Entity, gi: &GiView, view: &ExtractedView) -> EnvironmentMaps {
-        // Without waiting for its pipelines, for a game may set ambient light at any time.
-        let is_ready = |id: &_| self.cache.get_render_pipeline(*id).is_some();
-        let is_ambient = || self.ambient.get(entity).is_ok_and(|pipelines| pipelines.0.iter().all(is_ready));
-        if self.bounces(gi) && self.has_map(view) {
-            EnvironmentMaps::under(gi.technique)
-        } else if self.asks_for_ambient(gi, view) && is_ambient() {
-            EnvironmentMaps::Ambient
-        } else {
-            EnvironmentMaps::Kept
-        }
-    }
-
-    /// Whether the sky bounces in a view that has an environment map: what is mirrored of that is ours, then.
-    pub fn bounce(&self, entity: Entity, gi: &GiView, view: &ExtractedView) -> bool {
-        self.environment_maps(entity, gi, view) != EnvironmentMaps::Kept
-    }
-
-    /// Whether what a view's surfaces mirror of the sky is shadowed.
-    pub fn are_shadowed(&self, entity: Entity, gi: &GiView, view: &ExtractedView) -> bool {
-        self.environment_maps(entity, gi, view).is_shadowed()
+        is_ambient && gi.technique == Technique::InstantRadiosity && self.bounces(gi)
     }
 }
 
@@ -313,7 +280,7 @@ impl SpecializedRenderPipeline for ComposePipelines {
         if let Pass::Compose { sky: true, .. } | Pass::Isolate { sky: true, .. } = pass {
             shader_defs.push("COMPOSE_SKY".into());
         }
-        let shadowed = matches!(pass, Pass::Direct { environment_maps, .. } if environment_maps.is_shadowed());
+        let shadowed = matches!(pass, Pass::Direct { environment_maps, .. } if environment_maps.are_shadowed());
         if shadowed {
             shader_defs.push("SKY".into());
         }
@@ -404,27 +371,31 @@ fn lighting_pass_id_test() -> DepthStencilState {
 
 /// Finds each view its pipelines, and takes over from Bevy's deferred lighting once they are there: until then, and should
 /// they fail, Bevy goes on lighting a view that it has lit before.
+///
+/// Those of a sky are made while there may be one, so that it may come and go from one frame to the next; a game may set ambient light at any
+/// time: what is mirrored of it waits for its pipelines, and nothing else does.
 pub(super) fn prepare_compose_pipelines(
     mut commands: Commands,
     cache: Res<PipelineCache>,
     pipelines: Res<ComposePipelines>,
     mut specialized: ResMut<SpecializedRenderPipelines<ComposePipelines>>,
-    skies: SkyViews,
+    keys: Res<ViewKeyCache>,
+    sky: KnownSky,
     views: Query<
         (Entity, &GiView, &ExtractedView, Has<DeferredLightingPipeline>),
         (With<DepthPrepass>, With<DeferredPrepass>),
     >,
 ) {
     for (entity, gi, view, lit_by_bevy) in &views {
-        let Some(&key) = skies.keys.get(&view.retained_view_entity) else { continue };
+        let Some(&key) = keys.get(&view.retained_view_entity) else { continue };
         if key.contains(MeshPipelineKey::TONEMAP_IN_SHADER) {
-            commands.entity(entity).remove::<(ViewPipelines, SkipDeferredLighting)>();
+            commands.entity(entity).remove::<(ViewPipelines, EnvironmentMaps, SkipDeferredLighting)>();
             continue;
         }
         let (glossy, coat) = (gi.settings.has_glossy_light(), gi.settings.radiance_cache.glossy);
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, (key, pass));
         let mut all = |environment_maps: EnvironmentMaps| {
-            let (indirect, sky) = (gi.isolate != GiIsolate::Direct, environment_maps.is_shadowed());
+            let (indirect, sky) = (gi.isolate != GiIsolate::Direct, environment_maps.are_shadowed());
             let isolate = Pass::Isolate { glossy, coat, sky, entry: entry(gi.isolate) };
             let targets = usize::from(glossy) + usize::from(sky);
             let reflects = targets > 0 && key.contains(MeshPipelineKey::SCREEN_SPACE_REFLECTIONS);
@@ -436,29 +407,24 @@ pub(super) fn prepare_compose_pipelines(
                 isolate: gi.isolate.is_alone().then(|| pipeline(isolate)),
             }
         };
-        // Both, so that a sky may come and go from one frame to the next.
-        let kept = all(EnvironmentMaps::Kept);
-        let environment_maps = skies.environment_maps(entity, gi, view);
-        let ambient = skies.asks_for_ambient(gi, view).then(|| all(EnvironmentMaps::Ambient));
-        let mut view_entity = commands.entity(entity);
-        match &ambient {
-            Some(ambient) => view_entity.insert(AmbientPipelines(ambient.ids().collect())),
-            None => view_entity.remove::<AmbientPipelines>(),
-        };
-        let under_sky = match environment_maps {
-            EnvironmentMaps::Ambient => ambient,
-            _ => skies.has_map(view).then(|| all(EnvironmentMaps::under(gi.technique))),
-        };
-        let ids = || kept.ids().chain(under_sky.iter().flat_map(ViewPipelines::ids));
+        let under_map = key.contains(MeshPipelineKey::ENVIRONMENT_MAP).then(|| EnvironmentMaps::under(gi.technique));
+        let without = all(EnvironmentMaps::Kept);
+        let with = under_map.map(&mut all);
+        let ambient = sky.is_mirrored_ambient(gi).then(|| all(EnvironmentMaps::Ambient));
+
         let state = |id| cache.get_render_pipeline_state(id);
-        let ready =
-            pipelines.surface.is_ready(&cache) && ids().all(|id| matches!(state(id), CachedPipelineState::Ok(_)));
-        let failed = pipelines.surface.has_failed(&cache) || ids().any(|id| has_failed(state(id)));
-        let view_pipelines = match (under_sky, environment_maps) {
-            (None, _) | (_, EnvironmentMaps::Kept) => kept,
-            (Some(under_sky), _) => under_sky,
+        let are_ready = |of: &ViewPipelines| of.ids().all(|id| matches!(state(id), CachedPipelineState::Ok(_)));
+        let needed = || [Some(&without), with.as_ref()].into_iter().flatten();
+        let ready = pipelines.surface.is_ready(&cache) && needed().all(are_ready);
+        let failed = pipelines.surface.has_failed(&cache)
+            || needed().flat_map(ViewPipelines::ids).any(|id| has_failed(state(id)));
+        let (view_pipelines, environment_maps) = match (ambient.filter(are_ready), with, under_map) {
+            (Some(ambient), ..) => (ambient, EnvironmentMaps::Ambient),
+            (None, Some(with), Some(under_map)) if sky.bounces(gi) => (with, under_map),
+            _ => (without, EnvironmentMaps::Kept),
         };
         let mut view = commands.entity(entity);
+        view.insert(environment_maps);
         if ready {
             view.insert((view_pipelines, SkipDeferredLighting));
         } else if failed || lit_by_bevy {

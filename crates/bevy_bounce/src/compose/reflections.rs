@@ -19,12 +19,11 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::texture::GpuImage;
-use bevy::render::view::ExtractedView;
 use bevy::shader::ShaderDefVal;
 
 use super::passes::draw;
-use super::pipelines::{SkyViews, ViewPipelines};
-use crate::view::{GiView, ViewTextures};
+use super::pipelines::{EnvironmentMaps, ViewPipelines};
+use crate::view::ViewTextures;
 
 /// A target times 1 - alpha.
 pub(super) const TAKE: BlendState = BlendState {
@@ -142,13 +141,12 @@ pub(super) fn take_environment_maps_from_reflections(
     mut commands: Commands,
     mut known: ResMut<WithoutEnvironmentMaps>,
     cache: Res<PipelineCache>,
-    skies: SkyViews,
-    mut views: Query<(Entity, &GiView, &ExtractedView, &mut ScreenSpaceReflectionsPipelineId)>,
+    mut views: Query<(Entity, &EnvironmentMaps, &mut ScreenSpaceReflectionsPipelineId)>,
 ) {
     let is_ready = |id| matches!(cache.get_render_pipeline_state(id), CachedPipelineState::Ok(_));
-    for (entity, gi, view, mut pipeline) in &mut views {
+    for (entity, environment_maps, mut pipeline) in &mut views {
         let without = is_ready(**pipeline).then(|| known.get(**pipeline, &cache));
-        if !skies.bounce(entity, gi, view) {
+        if *environment_maps == EnvironmentMaps::Kept {
             continue;
         }
         match without.filter(|id| is_ready(*id)) {

@@ -46,14 +46,17 @@ pub(super) fn shade(
         return;
     };
     let sky = (scene.sky_count() > 0 && gi.settings.sky > 0).then_some(&*scene);
-    let Some((visibility, see_groups)) =
-        bind_visibility(gi.settings.visibility, atlas.as_deref(), &grid, sky, ctx.render_device(), &cache)
-    else {
-        return;
-    };
+    let bind_sight =
+        |sky| bind_visibility(gi.settings.visibility, atlas.as_deref(), &grid, sky, ctx.render_device(), &cache);
+    let Some((visibility, see_groups)) = bind_sight(sky) else { return };
     let sky_seen = textures.sky_seen.as_ref().filter(|_| sky.is_some());
     let key =
         PassesKey { visibility, resolution: gi.settings.resolution, sky: sky.is_some(), sky_seen: sky_seen.is_some() };
+    p.passes(key, &cache, &shaders);
+    let key = p.compiled(key, &cache);
+    let sky_seen = sky_seen.filter(|_| key.sky_seen);
+    let see_groups =
+        if key.sky == sky.is_some() { see_groups } else { bind_sight(None).map_or(see_groups, |bound| bound.1) };
     let passes = p.passes(key, &cache, &shaders);
     let device = ctx.render_device().clone();
     let bindings = |output| {

@@ -54,9 +54,23 @@ impl InterleavedPipelines {
     pub fn passes(&mut self, key: PassesKey, cache: &PipelineCache, shaders: &GiShaders) -> &Passes {
         self.0.entry(key).or_insert_with(|| Passes::new(key, cache, shaders))
     }
+
+    /// The key itself, once its kernels are compiled; until then, of those whose are, the one that leaves out the least of the sky.
+    pub fn compiled(&self, key: PassesKey, cache: &PipelineCache) -> PassesKey {
+        let less = [PassesKey { sky_seen: false, ..key }, PassesKey { sky: false, sky_seen: false, ..key }];
+        let is_ready = |key: &PassesKey| self.0.get(key).is_some_and(|passes| passes.are_ready(cache));
+        [key].into_iter().chain(less).find(is_ready).unwrap_or(key)
+    }
 }
 
 impl Passes {
+    fn are_ready(&self, cache: &PipelineCache) -> bool {
+        [&self.shade, &self.rows, &self.columns]
+            .into_iter()
+            .chain(&self.sky_columns)
+            .all(|kernel| kernel.is_ready(cache))
+    }
+
     fn new(key: PassesKey, cache: &PipelineCache, shaders: &GiShaders) -> Self {
         let uniform = uniform_buffer_sized(false, None);
         let read = storage_buffer_read_only_sized(false, None);

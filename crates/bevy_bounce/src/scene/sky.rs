@@ -30,7 +30,7 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
 use bevy::render::texture::{FallbackImage, GpuImage};
-use bevy_bounce_shaders::types::{SKY_EDGE, Sky};
+use bevy_bounce_shaders::types::{AMBIENT_SHARE, SKY_EDGE, Sky};
 
 use super::GiLight;
 use super::extract::spawn_order;
@@ -47,9 +47,6 @@ const TEXELS: u32 = SKY_EDGE * SKY_EDGE;
 const SAMPLES_A_TEXEL: f32 = 0.0766;
 /// At most.
 const MAX_SAMPLES: u32 = 32;
-/// Share of its ambient light that Bevy's `ambient_light` has a white diffuse surface send: `F_AB` of bevy_pbr/src/render/pbr_lighting.wgsl at a
-/// roughness of 1.
-const AMBIENT_SHARE: f32 = (1.04 - 0.572) - 1.04 * (0.0425 - 0.0275);
 
 /// A cube map that lights the scene.
 #[derive(Clone, Debug, PartialEq)]
@@ -89,7 +86,9 @@ impl SkyMap {
 /// that of the app, which each app of Bevy's has at its default: that is no game's sky.
 fn ambient_radiance(own: Option<&AmbientLight>, global: Option<&GlobalAmbientLight>) -> Option<Vec3> {
     let default = GlobalAmbientLight::default();
-    let is_set = |light: &&GlobalAmbientLight| light.brightness != default.brightness || light.color != default.color;
+    let is_set = |light: &&GlobalAmbientLight| {
+        light.brightness != default.brightness || light.color.to_linear() != default.color.to_linear()
+    };
     let global = || global.filter(is_set).map(|light| (light.color, light.brightness));
     let (color, brightness) = own.map(|light| (light.color, light.brightness)).or_else(global)?;
     Some(color.to_linear().to_vec3().max(Vec3::ZERO) * brightness * AMBIENT_SHARE)
