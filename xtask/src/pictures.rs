@@ -12,13 +12,12 @@ const LARGE: &str = "640x360";
 const SMALL: &str = "288x162";
 
 /// File name without extension, example, size in pixels, other options.
-const PICTURES: [(&str, &str, &str, &[&str]); 9] = [
+const PICTURES: [(&str, &str, &str, &[&str]); 8] = [
     ("cornell_animated", "cornell_animated", LARGE, &["--time", "2", "--frames", "1"]),
     ("moving_lamp_1", "moving_lamp", SMALL, &["--time", "7.5", "--frames", "1"]),
     ("moving_lamp_2", "moving_lamp", SMALL, &["--time", "9", "--frames", "1"]),
     ("moving_lamp_3", "moving_lamp", SMALL, &["--time", "10.5", "--frames", "1"]),
     ("moving_lamp_4", "moving_lamp", SMALL, &["--time", "12", "--frames", "1"]),
-    ("u_room", "u_room", LARGE, &[]),
     ("cornell_direct", "viewer", LARGE, &["--isolate", "direct"]),
     ("cornell_indirect", "viewer", LARGE, &["--isolate", "indirect"]),
     ("cornell_all", "viewer", LARGE, &[]),
