@@ -35,7 +35,8 @@ fn count_in_bricks(position: vec3<f32>, part: u32) {
     }
 }
 
-// The chance belongs to the vertex, whatever run it is in and whatever else shines.
+// The chance belongs to the vertex, whatever run it is in and whatever else shines. What is emitted comes after the last bounce, so that
+// no two of a path share one.
 fn name_of(vertex: Vpl) -> u32 {
     let bounces = parameters.max_bounces + 1u;
     let bounce = vertex.bounce_met & ~MET;

@@ -96,10 +96,9 @@ impl Kind {
 
 /// All over the room, 100 to 1000 lumens; and in a room next door, where the last [`NEXT_DOOR`] of them are.
 fn many_lamps(mut build: Builder) {
-    let paint = build.paint([ALBEDO; 3]);
-    let [floor, ceiling, back, front, left, right] = std::array::from_fn(|_| paint.clone());
     let next_door = Vec3::X * (ROOM.x + 1.0);
-    build.room(next_door, next_door + ROOM, &Walls { floor, ceiling, back, front, left, right });
+    let walls = walls(&mut build);
+    build.room(next_door, next_door + ROOM, &walls);
     for i in 0..LAMPS {
         let place = i * 107 % LAMPS;
         let part = Vec3::new((place % 20) as f32 + 0.5, 0.5 * (place % 3) as f32 + 7.0, (place / 20) as f32 + 0.5);
@@ -120,10 +119,15 @@ fn replace_lamp(world: &mut World, kind: Option<Kind>) {
     }
 }
 
-fn room(mut build: Builder) {
+fn walls(build: &mut Builder) -> Walls {
     let paint = build.paint([ALBEDO; 3]);
     let [floor, ceiling, back, front, left, right] = std::array::from_fn(|_| paint.clone());
-    build.room(Vec3::ZERO, ROOM, &Walls { floor, ceiling, back, front, left, right });
+    Walls { floor, ceiling, back, front, left, right }
+}
+
+fn room(mut build: Builder) {
+    let walls = walls(&mut build);
+    build.room(Vec3::ZERO, ROOM, &walls);
     build.commands.spawn((Camera3d::default(), orthographic(1.0, 1.0)));
 }
 

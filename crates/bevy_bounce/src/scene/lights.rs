@@ -40,7 +40,7 @@ struct ExtractedLight {
 }
 
 /// Lights by what they are called: each has the least number that is free when it comes, and keeps it while it is there, shining or
-/// not, so that none of its paths changes with what else shines.
+/// not, so that its paths stay where they are whatever else shines.
 #[derive(Default)]
 struct Names {
     of: EntityHashMap<u32>,
@@ -49,12 +49,8 @@ struct Names {
 impl Names {
     /// Names those that are new, and forgets those that are gone; `present` in the order in which they came.
     fn update(&mut self, present: &[Entity]) {
-        let before = self.of.len();
-        let mut known = 0;
-        for entity in present {
-            known += usize::from(self.of.contains_key(entity));
-        }
-        if known == before && known == present.len() {
+        let known = present.iter().filter(|entity| self.of.contains_key(*entity)).count();
+        if known == self.of.len() && known == present.len() {
             return;
         }
         let there: EntityHashSet = present.iter().copied().collect();
