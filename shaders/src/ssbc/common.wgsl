@@ -62,6 +62,16 @@ fn surface_at(lens: Lens, pixel: vec2<u32>) -> Surface {
     return Surface(position.xyz, decode_unit(texel.y), position.w, depth > 0.0);
 }
 
+/// Cosine of 80 degrees.
+const GRAZING: f32 = 0.173648178;
+
+/// Surfaces seen at more than 80 degrees are sampled too sparsely to stand for their area: it decays with the square of the
+/// cosine. Novak et al. 2011, 4.3.
+fn grazing_decay(cosine: f32) -> f32 {
+    let decay = clamp(cosine / GRAZING, 0.0, 1.0);
+    return decay * decay;
+}
+
 /// An ellipse along the axes of the screen, pixels.
 struct Disc {
     middle: vec2<f32>,

@@ -23,10 +23,11 @@ fn gather(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         return;
     }
     let lens = view_lens();
-    let surface = surface_at(lens, texel * parameters.scale);
+    let pixel = texel * parameters.scale;
+    let surface = surface_at(lens, pixel);
     var light = 0u;
     if surface.valid {
-        light = vec3_to_rgb9e5_(residual_light(lens, surface));
+        light = vec3_to_rgb9e5_(residual_light(lens, surface, pixel));
     }
     textureStore(output, texel, vec4<u32>(light, 0u, 0u, 0u));
 }

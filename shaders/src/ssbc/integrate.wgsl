@@ -3,17 +3,18 @@
 // Illumination with Virtual Point Lights", 3.2 and 4.
 //
 // Only a lobe over the receiver counts, distance^3 < height / bound. The descent starts at the level of which texels are at
-// least twice as wide as the smallest sphere round that lobe on the screen, so that up to four cover it, and goes on with the
+// least as wide as the smallest sphere round that lobe on the screen, so that up to four cover it, and goes on with the
 // four below a texel where it fills too large a solid angle, or where an edge runs through it; texels that have nothing above
 // the bound anywhere are left out. It needs no stack: the next texel follows from the last.
 //
 // The geometry term of a texel of area A is that of a disk, cos cos / (d^2 + A / pi): the singularity of small distances
-// would come back through the areas otherwise. Nothing is taken to lie between.
+// would come back through the areas otherwise. A pixel next to the receiver that fills too large a solid angle is a polygon:
+// see `near.wgsl`. Nothing is taken to lie between.
 //
 // A texel of a plane is looked at as a disk round its middle, one of an edge as all that may lie between its nearest and its
 // farthest depth, whichever way that faces. Both go through the same operations, so that threads in step may differ in them.
 //
-// Cost: one load and some 150 operations a texel that is looked at.
+// Cost: one load and some 150 operations a texel that is looked at; see `near.wgsl` for the pixels next to the receiver.
 
 #define_import_path bevy_bounce::ssbc::integrate
 
@@ -23,6 +24,7 @@
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::ssbc::common::{parameters, surface_texture, sphere_on_screen, Disc, Lens}
 #import bevy_bounce::ssbc::hierarchy::{decode_range, EDGE, SSBC_LEVELS}
+#import bevy_bounce::ssbc::near::near_light
 #import bevy_bounce::vpl::bound::geometry_bound
 #import bevy_bounce::vpl::types::VplHeader
 
@@ -31,16 +33,21 @@
 
 /// Sines of angles below which two surfaces are one plane: what normals of the G-buffer tell no more.
 const FLAT: f32 = 0.002;
+/// How far a curved surface in a texel may lie off its plane, over the texel's radius.
+const BENT: f32 = 0.05;
 /// Smallest sphere round the lobe: height of its middle over the receiver, 27^(-1/4), and its radius, sqrt(2) times that;
 /// both over 1 / sqrt(bound).
 const LOBE_HEIGHT: f32 = 0.43869134;
 const LOBE_RADIUS: f32 = 0.62040323;
+/// Pixels to each side of the receiver that may be looked at as polygons.
+const NEAR: i32 = 2;
 /// Of a square of edge 1.
 const HALF_DIAGONAL: f32 = 0.70710678;
 
 struct Receiver {
     position: vec3<f32>,
     normal: vec3<f32>,
+    pixel: vec2<i32>,
     // By how much what is seen in a texel may be higher over the plane than its middle, over the texel's edge.
     slope: f32,
     // Of the geometry term, 1/m^2.
@@ -49,11 +56,11 @@ struct Receiver {
 
 struct Visit {
     light: vec3<f32>,
-    refine: bool,
+    // Fills too large a solid angle: to be taken apart, or, of a pixel, to be looked at for itself.
+    large: bool,
 }
 
 const NOTHING: Visit = Visit(vec3<f32>(0.0), false);
-const REFINE: Visit = Visit(vec3<f32>(0.0), true);
 
 // A point on the line of sight through the middle of a texel, relative to the receiver, and the edge of the texel there.
 fn point_on(lens: Lens, sight: vec4<f32>, edge: f32, depth: f32, receiver: Receiver) -> vec4<f32> {
@@ -86,8 +93,9 @@ fn visit(lens: Lens, receiver: Receiver, texel: vec2<i32>, level: u32) -> Visit 
     let along = far.xyz - near.xyz;
     let share = clamp(-dot(near.xyz, along) / max(dot(along, along), 1e-20), 0.0, 1.0);
     let distance = length(near.xyz + along * share);
-    let radius = middle.w * 0.5 * sqrt(1.0 + area_ratio * area_ratio);
-    let reach = select(radius, HALF_DIAGONAL * max(near.w, far.w), is_edge);
+    let radius = middle.w * HALF_DIAGONAL * max(area_ratio, 1.0);
+    // What is seen of a plane may end half a pixel farther on.
+    let reach = select(radius + radius / scale, HALF_DIAGONAL * max(near.w, far.w), is_edge);
     let flat = FLAT * select(distance + radius, far.w, is_edge);
     let highest_of_plane = height + radius * length(cross(receiver.normal, normal));
     let highest_of_edge = max(
@@ -95,25 +103,26 @@ fn visit(lens: Lens, receiver: Receiver, texel: vec2<i32>, level: u32) -> Visit 
         dot(receiver.normal, far.xyz) + receiver.slope * far.w,
     );
     let highest = select(highest_of_plane, highest_of_edge, is_edge);
-    // The same for all points of a plane; an edge may turn to the receiver, and reach up to it.
-    let nearest = max(distance - reach, select(other_height, 1e-9, is_edge));
-    let other_highest = select(other_height, nearest, is_edge);
+    // The receiver over the texel: the same for all points of a plane, as far as that is one. An edge may turn to it.
+    let other_highest_of_plane = other_height + flat + select(0.0, BENT * radius, level > 0u);
+    let nearest = max(distance - reach, select(other_highest_of_plane, 1e-9, is_edge));
+    let other_highest = select(other_highest_of_plane, nearest, is_edge);
     let nearest_square = nearest * nearest;
-    if highest <= flat || (!is_edge && other_height <= flat)
+    if highest <= flat || other_highest <= 0.0
         || highest * other_highest <= receiver.bound * nearest_square * nearest_square {
         return NOTHING;
     }
 
-    // Seen from its middle alone, a plane that reaches over the receiver would look small.
-    let between = select(max(distance - 0.5 * radius, other_height), distance, is_edge);
+    // Seen from its middle alone, a plane that reaches over the receiver or down to its feet would look small.
+    let touches = distance - reach <= other_highest;
+    let between_plane = select(max(distance - 0.5 * radius, other_highest), nearest, touches);
+    let between = select(between_plane, distance, is_edge);
     let between_square = max(between * between, 1e-20);
-    let cosines = select(highest * other_height, between_square, is_edge);
+    let cosines = select(highest * other_highest, between_square, is_edge);
     let limit = select(parameters.solid_angle, parameters.edge_solid_angle, is_edge);
-    if level > 0u && area * cosines > limit * between_square * (between_square + area / PI) {
-        return REFINE;
-    }
+    let large = area * cosines > limit * between_square * (between_square + area / PI);
     let term = max(height, 0.0) * max(other_height, 0.0) / (square * (square + area / PI));
-    return Visit(rgb9e5_to_vec3_(words.w) * (area * max(term - receiver.bound, 0.0)), false);
+    return Visit(rgb9e5_to_vec3_(words.w) * (area * max(term - receiver.bound, 0.0)), large);
 }
 
 // Whether any of a texel is in a disc on the screen.
@@ -124,9 +133,23 @@ fn is_within(texel: vec2<i32>, level: u32, disc: Disc) -> bool {
     return dot(away, away) < 1.0;
 }
 
-// Irradiance times pi from what is in a texel and in the disc.
-fn descend(lens: Lens, receiver: Receiver, disc: Disc, root: vec2<i32>, top: u32) -> vec3<f32> {
-    var light = vec3<f32>(0.0);
+struct Found {
+    // Irradiance times pi.
+    light: vec3<f32>,
+    // Bits of the pixels round the receiver that are still to be looked at.
+    near: u32,
+}
+
+// Bit of a pixel next to the receiver; 0 for others.
+fn near_bit(from_receiver: vec2<i32>) -> u32 {
+    let place = from_receiver + NEAR;
+    let bit = 1u << u32(place.y * (2 * NEAR + 1) + place.x);
+    return select(0u, bit, all(place >= vec2<i32>(0)) && all(place <= vec2<i32>(2 * NEAR)));
+}
+
+// What is in a texel and in the disc.
+fn descend(lens: Lens, receiver: Receiver, disc: Disc, root: vec2<i32>, top: u32) -> Found {
+    var found = Found(vec3<f32>(0.0), 0u);
     var texel = root;
     var level = top;
     loop {
@@ -134,12 +157,14 @@ fn descend(lens: Lens, receiver: Receiver, disc: Disc, root: vec2<i32>, top: u32
         if is_within(texel, level, disc) {
             visited = visit(lens, receiver, texel, level);
         }
-        light += visited.light;
-        if visited.refine {
+        if visited.large && level > 0u {
             texel *= 2;
             level--;
             continue;
         }
+        let bit = select(0u, near_bit(texel - receiver.pixel), visited.large);
+        found.near |= bit;
+        found.light += select(visited.light, vec3<f32>(0.0), bit != 0u);
         // Up from the last of each four, then to the next one.
         let up = min(countTrailingZeros(~u32(texel.x & texel.y)), top - level);
         texel = texel >> vec2<u32>(up);
@@ -149,28 +174,38 @@ fn descend(lens: Lens, receiver: Receiver, disc: Disc, root: vec2<i32>, top: u32
         }
         texel += select(vec2<i32>(-1, 1), vec2<i32>(1, 0), (texel.x & 1) == 0);
     }
-    return light;
+    return found;
 }
 
-/// Irradiance over pi that the bound took from a surface.
-fn residual_light(lens: Lens, surface: Surface) -> vec3<f32> {
+/// Irradiance over pi that the bound took from a pixel's surface.
+fn residual_light(lens: Lens, surface: Surface, pixel: vec2<u32>) -> vec3<f32> {
     let bound = geometry_bound(header, surface.position);
     if header.count == 0u || bound <= 0.0 {
         return vec3<f32>(0.0);
     }
     let slope = 0.5 * (abs(dot(surface.normal, lens.x.xyz)) + abs(dot(surface.normal, lens.y.xyz)));
-    let receiver = Receiver(surface.position, surface.normal, slope / lens.pixel, bound);
+    let receiver = Receiver(surface.position, surface.normal, vec2<i32>(pixel), slope / lens.pixel, bound);
     let reach = inverseSqrt(bound);
     let disc = sphere_on_screen(surface.position + surface.normal * (LOBE_HEIGHT * reach), LOBE_RADIUS * reach);
-    let top = u32(clamp(ceil(log2(4.0 * max(disc.radius.x, disc.radius.y))), 0.0, f32(SSBC_LEVELS)));
+    let top = u32(clamp(ceil(log2(2.0 * max(disc.radius.x, disc.radius.y))), 0.0, f32(SSBC_LEVELS)));
     let last = vec2<f32>(textureDimensions(surface_texture)) - 1.0;
     let low = vec2<i32>(max(disc.middle - disc.radius, vec2<f32>(0.0))) >> vec2<u32>(top);
     let high = vec2<i32>(clamp(disc.middle + disc.radius, vec2<f32>(0.0), last)) >> vec2<u32>(top);
     var light = vec3<f32>(0.0);
+    var near = 0u;
     for (var y = low.y; y <= high.y; y++) {
         for (var x = low.x; x <= high.x; x++) {
-            light += descend(lens, receiver, disc, vec2<i32>(x, y), top);
+            let found = descend(lens, receiver, disc, vec2<i32>(x, y), top);
+            light += found.light;
+            near |= found.near;
         }
+    }
+    while near != 0u {
+        let bit = i32(countTrailingZeros(near));
+        near &= near - 1u;
+        let other = receiver.pixel + vec2<i32>(bit % (2 * NEAR + 1), bit / (2 * NEAR + 1)) - NEAR;
+        let radiance = rgb9e5_to_vec3_(textureLoad(hierarchy, other, 0).w);
+        light += radiance * near_light(lens, surface, bound, other);
     }
     return light / PI;
 }

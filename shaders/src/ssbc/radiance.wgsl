@@ -1,35 +1,28 @@
 // What each pixel sends to its surroundings: diffuse direct light, bounced light as far as it is known, emission. Specular
 // light and fog are not in it. With it the area of the pixel's surface: level 0 of the hierarchy.
 //
-// Surfaces seen at more than 80 degrees are sampled too sparsely to stand for their area: it decays with the square of the
-// cosine. Novak et al. 2011, 4.3.
-//
-// Cost: one thread a pixel, five loads; four to twelve more from the second iteration on.
+// Cost: one thread a pixel, five loads; one more from the second iteration on.
 
 #import bevy_bounce::interleaved::surface::{Surface, toward_eye}
-#import bevy_bounce::ssbc::common::{view, surface_texture, surface_at, view_lens}
+#import bevy_bounce::ssbc::common::{view, surface_texture, surface_at, view_lens, grazing_decay}
 #import bevy_bounce::ssbc::hierarchy::encode_pixel
 #import bevy_pbr::pbr_deferred_types::unpack_unorm4x8_
 #import bevy_pbr::rgb9e5::rgb9e5_to_vec3_
-#ifdef COMPENSATED
-#import bevy_bounce::ssbc::upsample::{is_lit_near, upsample}
-#endif
 
+#ifdef COMPENSATED
+@group(0) @binding(3) var residual: texture_2d<u32>;
+#endif
 @group(0) @binding(4) var deferred_texture: texture_2d<u32>;
 @group(0) @binding(5) var direct_diffuse: texture_2d<f32>;
 @group(0) @binding(6) var indirect: texture_2d<f32>;
 @group(0) @binding(7) var output: texture_storage_2d<rgba32uint, write>;
-
-/// Cosine of 80 degrees.
-const GRAZING: f32 = 0.173648178;
 
 // Area over that of the pixel seen head-on, decayed.
 fn area_ratio(surface: Surface) -> f32 {
     let forward = -view.world_from_view[2].xyz;
     let direction = -toward_eye(view, surface.position);
     let cosine = max(-dot(surface.normal, direction), 0.0);
-    let decay = min(cosine / GRAZING, 1.0);
-    return dot(forward, direction) * decay * decay / max(cosine, 1e-6);
+    return dot(forward, direction) * grazing_decay(cosine) / max(cosine, 1e-6);
 }
 
 @compute @workgroup_size(8, 8)
@@ -51,9 +44,7 @@ fn radiance(@builtin(global_invocation_id) id: vec3<u32>) {
     let reflected = base_color * ((1.0 - properties.g) * properties.b);
     var irradiance = textureLoad(indirect, id.xy, 0).rgb;
 #ifdef COMPENSATED
-    if is_lit_near(id.xy) {
-        irradiance += upsample(lens, surface, id.xy).light;
-    }
+    irradiance += rgb9e5_to_vec3_(textureLoad(residual, id.xy, 0).x);
 #endif
     let light = rgb9e5_to_vec3_(packed.g) + textureLoad(direct_diffuse, id.xy, 0).rgb + irradiance * reflected;
     let texel = textureLoad(surface_texture, id.xy, 0).xy;

@@ -17,3 +17,6 @@ pub struct SsbcParameters {
 
 /// Levels of the hierarchy of the bias compensation above the pixels.
 pub const SSBC_LEVELS: u32 = 6;
+
+/// Words before the pixels in the list of those at which the residual is integrated anew.
+pub const SSBC_REPAIR_HEADER: u32 = 4;

@@ -4,6 +4,7 @@
 pub mod clusters;
 pub mod cssm;
 pub mod grid;
+pub mod near;
 pub mod random;
 pub mod sampling;
 pub mod ssbc;

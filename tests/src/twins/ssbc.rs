@@ -8,21 +8,24 @@ use bevy_bounce_shaders::types::{SSBC_LEVELS, SsbcParameters};
 use half::f16;
 
 use super::decode_unit;
+use super::near::near_light;
 
 const NORMAL_EDGE: f32 = 0.95;
 const PLANE_EDGE: f32 = 0.25;
 const FLAT: f32 = 0.002;
+const BENT: f32 = 0.05;
 const LOBE_HEIGHT: f32 = 0.438_691_34;
 const LOBE_RADIUS: f32 = 0.620_403_23;
+const NEAR: i32 = 2;
 const HALF_DIAGONAL: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
 /// World positions as a function of pixel coordinates and depth.
 #[derive(Clone, Copy, Debug)]
 pub struct Lens {
-    origin: Vec4,
-    x: Vec4,
-    y: Vec4,
-    depth: Vec4,
+    pub(super) origin: Vec4,
+    pub(super) x: Vec4,
+    pub(super) y: Vec4,
+    pub(super) depth: Vec4,
     pixel: f32,
     clip_from_world: Mat4,
 }
@@ -107,6 +110,16 @@ impl GBuffer {
         ((texel << IVec2::splat(level as i32)).cmplt(self.size.as_ivec2())).all()
     }
 
+    /// Reverse-z depth at a pixel.
+    pub fn depth(&self, pixel: UVec2) -> f32 {
+        f32::from_bits(self.surface[self.index(pixel)][0])
+    }
+
+    /// What a pixel sends, and its area over that of the pixel seen head-on.
+    pub fn radiance_at(&self, pixel: UVec2) -> Vec4 {
+        self.radiance[self.index(pixel)]
+    }
+
     /// Position and normal at a pixel, and the edge of the pixel; `None` where nothing is seen.
     pub fn surface_at(&self, pixel: UVec2) -> Option<(Vec3, Vec3, f32)> {
         let [depth, normal] = self.surface[self.index(pixel)];
@@ -120,8 +133,7 @@ impl GBuffer {
         }
         let pixel = texel.as_uvec2();
         let Some((_, normal, edge)) = self.surface_at(pixel) else { return Node::default() };
-        let depth = f32::from_bits(self.surface[self.index(pixel)][0]);
-        let light = self.radiance[self.index(pixel)];
+        let (depth, light) = (self.depth(pixel), self.radiance_at(pixel));
         let area = light.w.max(1e-4) * edge * edge;
         Node { depth, near: depth, far: depth, area, normal, edge: false, radiance: light.xyz() }
     }
@@ -198,6 +210,7 @@ struct Integral<'a> {
     bound: f32,
     position: Vec3,
     normal: Vec3,
+    pixel: IVec2,
 }
 
 enum Visit {
@@ -212,19 +225,27 @@ fn residual_term(height: f32, other_height: f32, square: f32, area: f32, bound: 
 }
 
 fn radius_ratio(area_ratio: f32) -> f32 {
-    0.5 * (1.0 + area_ratio * area_ratio).sqrt()
+    HALF_DIAGONAL * area_ratio.max(1.0)
 }
 
-/// Light of one pixel.
-fn pixel_light(gbuffer: &GBuffer, position: Vec3, normal: Vec3, pixel: UVec2, bound: f32) -> Vec3 {
+fn is_near(offset: IVec2) -> bool {
+    offset.abs().max_element() <= NEAR
+}
+
+/// Light of one pixel, as a polygon where it is near.
+fn pixel_light(gbuffer: &GBuffer, receiver: (Vec3, Vec3), bound: f32, from_receiver: IVec2, pixel: UVec2) -> Vec3 {
+    let (position, normal) = receiver;
     let Some((other, other_normal, edge)) = gbuffer.surface_at(pixel) else { return Vec3::ZERO };
     let offset = other - position;
     let square = offset.length_squared();
     let (height, other_height) = (normal.dot(offset), -other_normal.dot(offset));
+    let radiance = gbuffer.radiance_at(pixel);
+    if is_near(from_receiver) && other_height > -FLAT * edge && normal.dot(other_normal) < 0.9 {
+        return radiance.xyz() * near_light(gbuffer, receiver, bound, pixel.as_ivec2());
+    }
     if height <= 0.0 || other_height <= 0.0 {
         return Vec3::ZERO;
     }
-    let radiance = gbuffer.radiance[gbuffer.index(pixel)];
     let area = radiance.w * edge * edge;
     radiance.xyz() * (area * residual_term(height, other_height, square, area, bound))
 }
@@ -241,16 +262,24 @@ impl Integral<'_> {
         let middle = self.normal.dot(offset);
         let cosine = self.normal.dot(node.normal);
         let height = middle + radius * (1.0 - cosine * cosine).max(0.0).sqrt();
-        let nearest = (distance - radius).max(other_height);
-        if other_height <= flat || height <= flat || height * other_height <= self.bound * nearest.powi(4) {
+        let other_highest = other_height + flat + if level > 0 { BENT * radius } else { 0.0 };
+        let reach = radius + radius / (1 << level) as f32;
+        let nearest = (distance - reach).max(other_highest);
+        if other_highest <= 0.0 || height <= flat || height * other_highest <= self.bound * nearest.powi(4) {
             return NOTHING;
         }
-        let between = (distance - 0.5 * radius).max(other_height).powi(2);
-        let solid_angle = node.area * height * other_height / (between * (between + node.area / PI));
-        if level > 0 && solid_angle > self.parameters.solid_angle {
+        let touches = distance - reach <= other_highest;
+        let between = if touches { nearest } else { (distance - 0.5 * radius).max(other_highest) }.powi(2);
+        let solid_angle = node.area * height * other_highest / (between * (between + node.area / PI));
+        let is_large = solid_angle > self.parameters.solid_angle;
+        if is_large && level > 0 {
             return Visit::Refine;
         }
-        let weight = node.area * residual_term(middle.max(0.0), other_height, square, node.area, self.bound);
+        if is_large && is_near(texel - self.pixel) {
+            let receiver = (self.position, self.normal);
+            return Visit::Light(node.radiance * near_light(self.gbuffer, receiver, self.bound, texel));
+        }
+        let weight = node.area * residual_term(middle.max(0.0), other_height.max(0.0), square, node.area, self.bound);
         Visit::Light(node.radiance * weight)
     }
 
@@ -328,11 +357,11 @@ pub fn gather(
 ) -> Gathered {
     let mut gathered = Gathered::default();
     let Some((position, normal, _)) = gbuffer.surface_at(pixel) else { return gathered };
-    let integral = Integral { gbuffer, hierarchy, parameters, bound, position, normal };
+    let integral = Integral { gbuffer, hierarchy, parameters, bound, position, normal, pixel: pixel.as_ivec2() };
     let reach = 1.0 / bound.sqrt();
     let (size, lobe) = (gbuffer.size, position + normal * (LOBE_HEIGHT * reach));
     let disc = sphere_on_screen(gbuffer.lens.clip_from_world, size, lobe, LOBE_RADIUS * reach);
-    let top = (4.0 * disc.radius.max_element()).log2().ceil().clamp(0.0, SSBC_LEVELS as f32) as u32;
+    let top = (2.0 * disc.radius.max_element()).log2().ceil().clamp(0.0, SSBC_LEVELS as f32) as u32;
     let shift = IVec2::splat(top as i32);
     let low = (disc.middle - disc.radius).max(Vec2::ZERO).as_ivec2() >> shift;
     let high = (disc.middle + disc.radius).clamp(Vec2::ZERO, size.as_vec2() - 1.0).as_ivec2() >> shift;
@@ -364,7 +393,9 @@ pub fn flat_sum(gbuffer: &GBuffer, bound: f32, pixel: UVec2) -> Gathered {
         for x in low.x..=high.x {
             if is_within(IVec2::new(x as i32, y as i32), 0, disc) {
                 gathered.samples += 1;
-                gathered.light += pixel_light(gbuffer, position, normal, UVec2::new(x, y), bound);
+                let other = UVec2::new(x, y);
+                let offset = other.as_ivec2() - pixel.as_ivec2();
+                gathered.light += pixel_light(gbuffer, (position, normal), bound, offset, other);
             }
         }
     }

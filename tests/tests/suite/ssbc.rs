@@ -1,14 +1,15 @@
 //! Bias compensation: the shaders against their twin, the flat sum and closed forms; whole frames with and without it.
 
+use std::collections::HashSet;
 use std::f32::consts::{FRAC_PI_2, PI};
 
 use bevy::camera::Exposure;
-use bevy::math::{Mat4, UVec2, Vec3, Vec4};
+use bevy::math::{Mat4, UVec2, Vec2, Vec3, Vec4};
 use bevy::prelude::*;
 use bevy_bounce::{GiIsolate, GiSettings, Resolution, SsbcSettings};
 use bevy_bounce_examples::gltf::{GltfScenePlugin, SceneFile};
 use bevy_bounce_examples::scenes::{Builder, CornellPlugin, Walls};
-use bevy_bounce_shaders::types::{Grid, SSBC_LEVELS, SsbcParameters, VplHeader};
+use bevy_bounce_shaders::types::{Grid, SSBC_LEVELS, SSBC_REPAIR_HEADER, SsbcParameters, VplHeader};
 use bevy_bounce_tests::compose::{compose, compose_source};
 use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::layout::wgsl_layouts;
@@ -168,10 +169,11 @@ const FILL: &str = "
         }
     }";
 
-/// The residual at every pixel by the shipped shaders.
-fn shipped(eye: &Eye, gbuffer: &GBuffer, parameters: SsbcParameters, bound: f32) -> Vec<Vec3> {
+/// The shipped shaders, up to the residual at every pixel, or at every second one of every second row.
+fn gathered(eye: &Eye, gbuffer: &GBuffer, parameters: SsbcParameters, bound: f32) -> Resources {
     let size = [eye.size.x, eye.size.y, 1];
     let padded = eye.size.map(|pixels| pixels.next_multiple_of(1 << SSBC_LEVELS));
+    let samples = eye.size.map(|pixels| pixels.div_ceil(parameters.scale));
     let header = VplHeader { geometry_bound: bound, count: 1, ..Default::default() };
     let levels = ["level_0", "level_1", "level_2", "level_3", "level_4", "level_5", "level_6"];
     let surface = bytemuck::cast_slice(&gbuffer.surface);
@@ -183,9 +185,8 @@ fn shipped(eye: &Eye, gbuffer: &GBuffer, parameters: SsbcParameters, bound: f32)
         .floats("densities", &[bound, 1.0])
         .texture("surface_texture", TextureFormat::Rg32Uint, size, false, surface)
         .texture("radiance_texture", TextureFormat::Rgba16Float, size, false, &half_texels(&gbuffer.radiance))
-        .texture("output", TextureFormat::R32Uint, size, false, &[])
+        .texture("residual_texture", TextureFormat::R32Uint, [samples.x, samples.y, 1], false, &[])
         .mips("hierarchy", TextureFormat::Rgba32Uint, padded.to_array(), &levels);
-    let groups = |texels: UVec2| texels.map(|texels| texels.div_ceil(8)).extend(1).to_array();
     let kernel = gpu().kernel(&compose_source(FILL, "fill.wgsl", &[]).expect("composes"), "fill");
     gpu().dispatch(&kernel.expect("the device takes it"), &resources, groups(eye.size)).expect("runs");
     let resources = resources.alias("level_0", "source");
@@ -194,9 +195,24 @@ fn shipped(eye: &Eye, gbuffer: &GBuffer, parameters: SsbcParameters, bound: f32)
     let resources = resources.alias("level_3", "source");
     let resources = resources.alias("level_4", "fine").alias("level_5", "middle").alias("level_6", "coarse");
     run(gpu(), "ssbc/reduce.wgsl", "reduce", &resources, groups(padded / 16));
-    run(gpu(), "ssbc/gather.wgsl", "gather", &resources, groups(eye.size));
-    let bytes = resources.read_texture("output").unwrap_or_else(|error| panic!("{error}"));
+    let resources = resources.alias("residual_texture", "output");
+    run(gpu(), "ssbc/gather.wgsl", "gather", &resources, groups(samples));
+    resources
+}
+
+/// Workgroups of 8x8 texels.
+fn groups(texels: UVec2) -> [u32; 3] {
+    texels.map(|texels| texels.div_ceil(8)).extend(1).to_array()
+}
+
+fn light(resources: &Resources, texture: &str) -> Vec<Vec3> {
+    let bytes = resources.read_texture(texture).unwrap_or_else(|error| panic!("{error}"));
     bytes.as_chunks().0.iter().map(|word| rgb9e5_to_vec3(u32::from_le_bytes(*word))).collect()
+}
+
+/// The residual at every pixel by the shipped shaders.
+fn shipped(eye: &Eye, gbuffer: &GBuffer, parameters: SsbcParameters, bound: f32) -> Vec<Vec3> {
+    light(&gathered(eye, gbuffer, parameters, bound), "residual_texture")
 }
 
 fn pixels(size: UVec2) -> impl Iterator<Item = UVec2> {
@@ -287,6 +303,67 @@ fn two_squares_give_back_what_the_bound_takes() {
     }
 }
 
+/// Rows next to a seam that passes their pixels at every height and in every direction.
+#[test]
+fn pixels_at_a_seam_get_what_they_lost() {
+    let (bound, footprint) = (30f32, 0.012);
+    let (mut count, mut sum, mut worst) = (0, 0.0, 0f32);
+    for roll in [0.03, 0.4, 0.785, 1.2, 2.3] {
+        let floor = panel([-2.0, 0.0, 0.0], [0.0, 0.0, 2.0], [4.0, 0.0, 0.0]);
+        let wall = panel([-2.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
+        let mut eye = Eye::new(UVec2::new(96, 96), Vec3::new(0.0, 1.1, 1.6), Vec3::ZERO, 0.45);
+        eye.place.rotate_local_z(roll);
+        let gbuffer = eye.look(&[(floor, Vec3::ONE), (wall, Vec3::ONE)]);
+        let residual = shipped(&eye, &gbuffer, PARAMETERS, bound);
+        for (pixel, light) in pixels(eye.size).zip(residual) {
+            let Some((position, normal, _)) = gbuffer.surface_at(pixel) else { continue };
+            let height = if normal.y > 0.9 { position.z } else { position.y };
+            if height < 2.0 * footprint && pixel.as_vec2().distance(Vec2::splat(48.0)) < 40.0 {
+                let error = light.x / perpendicular(height, bound) - 1.0;
+                (count, sum, worst) = (count + 1, sum + error, worst.max(error.abs()));
+            }
+        }
+    }
+    let mean = sum / count as f32;
+    println!("{count} pixels, mean error {mean:.3}, worst {worst:.3}");
+    assert!(count > 1000 && mean.abs() < 0.05 && worst < 0.15, "{count} pixels, mean error {mean}, worst {worst}");
+}
+
+/// From a quarter of the pixels to all of them: between samples of one surface, and anew at seams.
+#[test]
+fn samples_are_spread_within_surfaces_and_seams_are_integrated_anew() {
+    // Not a multiple of the samples' step, nor of a workgroup.
+    let eye = room_eye(UVec2::new(301, 167));
+    let gbuffer = eye.look(&room());
+    let bound = 64.0;
+    let exact = shipped(&eye, &gbuffer, PARAMETERS, bound);
+    let pixel_count = eye.size.element_product() as usize;
+    let resources = gathered(&eye, &gbuffer, SsbcParameters { scale: 2, ..PARAMETERS }, bound)
+        .texture("spread", TextureFormat::R32Uint, [eye.size.x, eye.size.y, 1], false, &[])
+        .alias("spread", "output")
+        .zeroed("repairs", SSBC_REPAIR_HEADER as usize + pixel_count);
+    run(gpu(), "ssbc/spread.wgsl", "spread", &resources, groups(eye.size.map(|pixels| pixels.div_ceil(2))));
+    let repairs = resources.read_words("repairs").unwrap_or_else(|error| panic!("{error}"));
+    let count = repairs[3] as usize;
+    assert_eq!(repairs[..3], [repairs[3].div_ceil(64), 1, 1], "workgroups for {count} pixels");
+    let listed: Vec<usize> =
+        repairs[4..4 + count].iter().map(|word| ((word >> 16) * eye.size.x + (word & 0xffff)) as usize).collect();
+    let distinct: HashSet<_> = listed.iter().collect();
+    println!("{count} of {pixel_count} pixels integrated anew");
+    assert!(distinct.len() == count && count > pixel_count / 200 && count < pixel_count / 8, "{count} repairs");
+    run(gpu(), "ssbc/repair.wgsl", "repair", &resources, [repairs[0], 1, 1]);
+    let spread = light(&resources, "spread");
+    for i in listed {
+        assert_eq!(spread[i], exact[i], "pixel {i}");
+    }
+    for (i, pixel) in pixels(eye.size).enumerate().filter(|(_, pixel)| *pixel % 2 == UVec2::ZERO) {
+        assert_eq!(spread[i], exact[i], "sample {pixel}");
+    }
+    let (energy, _) = difference(&spread, &exact);
+    println!("spread over exact {energy:.4}");
+    assert!((energy - 1.0).abs() < 0.04, "spread against exact: {energy}");
+}
+
 /// What a pixel sends: emission, direct light, bounced light times diffuse colour and occlusion; its area.
 #[test]
 fn a_pixel_sends_all_but_specular_light() {
@@ -302,7 +379,7 @@ fn a_pixel_sends_all_but_specular_light() {
         .bytes("view", &eye.uniform())
         .uniform("parameters", &PARAMETERS)
         .texture("surface_texture", TextureFormat::Rg32Uint, [4, 4, 1], false, bytemuck::cast_slice(&gbuffer.surface))
-        .texture("residual_texture", TextureFormat::R32Uint, [4, 4, 1], false, bytemuck::cast_slice(&residual))
+        .texture("residual", TextureFormat::R32Uint, [4, 4, 1], false, bytemuck::cast_slice(&residual))
         .texture("deferred_texture", TextureFormat::Rgba32Uint, [4, 4, 1], false, bytemuck::cast_slice(&deferred))
         .texture("direct_diffuse", TextureFormat::Rgba16Float, [4, 4, 1], false, &light(3.0))
         .texture("indirect", TextureFormat::Rgba16Float, [4, 4, 1], false, &light(10.0))

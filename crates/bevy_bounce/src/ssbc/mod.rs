@@ -13,10 +13,12 @@
 //!    lowest level of the hierarchy.
 //! 2. `reduce`, twice: six levels of the same above the pixels, each texel marked where an edge runs through it.
 //! 3. `gather`: a descent through the levels at each pixel, or at each fourth, from the few texels that hold all that can be
-//!    above the bound.
+//!    above the bound; pixels next to the receiver as the polygons that they show, up to the seam with its surface.
+//! 4. `blur`, where it is asked for.
+//! 5. At half resolution `spread`: upsampled among samples of one surface; and `repair`: integrated anew at the pixels where
+//!    that fails and something was found near, from a list of them.
 //!
-//! Then `apply` adds the residual to the bounced light: upsampled among pixels of one surface, and integrated anew where
-//! that fails and something was found near.
+//! Then `apply` adds the residual to the bounced light.
 //!
 //! # Data
 //!
@@ -25,6 +27,7 @@
 //! | `hierarchy` | 20 MiB | levels of 1 to 64 pixels a texel: see `ssbc/hierarchy.wgsl` |
 //! | `residual` | 3.5 MiB, at half resolution 0.9 MiB | irradiance over pi that is added, rgb9e5 |
 //! | `blurred` | as much, where [`SsbcSettings::blur`] asks for it | the same, blurred |
+//! | `spread`, `repairs` | 3.5 MiB each at half resolution | the same at every pixel; the pixels where it is integrated anew |
 //!
 //! # Where it differs from the paper
 //!
@@ -32,7 +35,8 @@
 //! bounded, too. The descent starts from the smallest sphere round the lobe over the receiver in which the geometry term can be
 //! above the bound, and a texel that can have nothing above it anywhere within it is left out at once, by the heights of
 //! each end over the other's plane. An edge keeps the range of its depths, so that what lies near is not overlooked because
-//! the mean lies far. The descent needs no stack.
+//! the mean lies far. The descent needs no stack. The paper takes pixels for points; where surfaces touch, the light of those
+//! next to the receiver would be an accident of the raster, from nothing to half too much, along the seam in dashes.
 //!
 //! # What it cannot know
 //!

@@ -4,14 +4,16 @@ use bevy::core_pipeline::prepass::ViewPrepassTextures;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
-    BindGroup, BindingResource, CommandEncoder, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
+    BindGroup, BindingResource, Buffer, CommandEncoder, LoadOp, Operations, PipelineCache, RenderPassColorAttachment,
     RenderPassDescriptor, StoreOp, TextureView,
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::view::{ViewUniformOffset, ViewUniforms};
+use bevy_bounce_shaders::types::SSBC_REPAIR_HEADER;
 
 use super::SsbcTextures;
 use super::pipelines::SsbcPipelines;
+use super::prepare::Spread;
 use crate::GiIsolate;
 use crate::avg::VoxelGrid;
 use crate::compute::{bind_group, whole};
@@ -40,7 +42,15 @@ struct Groups {
     reduce: [BindGroup; 2],
     gather: BindGroup,
     blur: Option<BindGroup>,
+    spread: Option<SpreadGroups>,
     apply: BindGroup,
+}
+
+/// Bind groups of those between the residual at its own texels and at every pixel, and their list.
+struct SpreadGroups {
+    spread: BindGroup,
+    repair: BindGroup,
+    repairs: Buffer,
 }
 
 fn texture(view: &TextureView) -> BindingResource<'_> {
@@ -64,14 +74,22 @@ impl<'a> Inputs<'a> {
         let (textures, ours) = (self.textures, self.ours);
         let levels = |first: usize, count: usize| ours.levels[first..first + count].iter().map(texture);
         let radiance = self.with([
-            texture(&ours.residual),
+            texture(ours.result()),
             texture(self.deferred),
             texture(&textures.direct_diffuse),
             texture(&textures.indirect),
             texture(&ours.levels[0]),
         ]);
         let [from_pixels, from_level] = [0, LEVELS_AT_ONCE].map(|below| self.with(levels(below, 1 + LEVELS_AT_ONCE)));
-        let result = ours.blurred.as_ref().unwrap_or(&ours.residual);
+        let spread = |to: &'a Spread| {
+            let sampled = [texture(ours.sampled()), texture(&to.residual), whole(&to.repairs)];
+            let integrand = self.integrand(&to.residual).into_iter().chain([whole(&to.repairs)]);
+            SpreadGroups {
+                spread: p.spread.bind(device, cache, &self.with(sampled)),
+                repair: p.repair.bind(device, cache, &integrand.collect::<Vec<_>>()),
+                repairs: to.repairs.clone(),
+            }
+        };
         Groups {
             radiance: [0, 1].map(|i| p.radiance[i].bind(device, cache, &radiance)),
             reduce: [p.reduce[0].bind(device, cache, &from_pixels), p.reduce[1].bind(device, cache, &from_level)],
@@ -80,7 +98,8 @@ impl<'a> Inputs<'a> {
                 .blurred
                 .as_ref()
                 .map(|blurred| p.blur.bind(device, cache, &self.with([texture(&ours.residual), texture(blurred)]))),
-            apply: bind_group(device, cache, &p.apply_layout, &self.integrand(result)),
+            spread: ours.spread.as_ref().map(spread),
+            apply: bind_group(device, cache, &p.apply_layout, &[texture(ours.result())]),
         }
     }
 }
@@ -99,6 +118,14 @@ fn iterate(
     p.reduce[0].dispatch(encoder, cache, &[&groups.reduce[0]], view.low_levels);
     p.reduce[1].dispatch(encoder, cache, &[&groups.reduce[1]], view.high_levels);
     p.gather.dispatch(encoder, cache, &[&groups.gather], view.residual);
+    if let Some(blur) = &groups.blur {
+        p.blur.dispatch(encoder, cache, &[blur], view.residual);
+    }
+    if let Some(groups) = &groups.spread {
+        encoder.clear_buffer(&groups.repairs, 0, Some(u64::from(4 * SSBC_REPAIR_HEADER)));
+        p.spread.dispatch(encoder, cache, &[&groups.spread], view.residual);
+        p.repair.dispatch_indirect(encoder, cache, &[&groups.repair], &groups.repairs);
+    }
 }
 
 /// Workgroups of the passes of a view.
@@ -150,9 +177,6 @@ pub(super) fn compensate(
     let span = diagnostics.time_span(ctx.command_encoder(), "bounce/ssbc");
     for iteration in 0..gi.settings.ssbc.iterations {
         iterate(ctx.command_encoder(), &cache, &p, &groups, &sizes, iteration == 0);
-    }
-    if let Some(blur) = &groups.blur {
-        p.blur.dispatch(ctx.command_encoder(), &cache, &[blur], sizes.residual);
     }
     let load = if gi.isolate == GiIsolate::Residual { LoadOp::Clear(LinearRgba::NONE.into()) } else { LoadOp::Load };
     {

@@ -3,7 +3,7 @@
 use bevy::core_pipeline::FullscreenShader;
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
-    storage_buffer_read_only_sized, texture_2d, texture_storage_2d, uniform_buffer_sized,
+    storage_buffer_read_only_sized, storage_buffer_sized, texture_2d, texture_storage_2d, uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
     BindGroupLayoutDescriptor, BlendComponent, BlendFactor, BlendOperation, BlendState, CachedRenderPipelineId,
@@ -22,6 +22,8 @@ pub(super) struct SsbcPipelines {
     pub reduce: [Kernel; 2],
     pub gather: Kernel,
     pub blur: Kernel,
+    pub spread: Kernel,
+    pub repair: Kernel,
     /// Adds the residual to its target.
     pub apply: CachedRenderPipelineId,
     /// Group 0 of `apply`.
@@ -31,7 +33,8 @@ pub(super) struct SsbcPipelines {
 impl SsbcPipelines {
     /// Whether all are compiled.
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
-        let kernels = self.radiance.iter().chain(&self.reduce).chain([&self.gather, &self.blur]);
+        let others = [&self.gather, &self.blur, &self.spread, &self.repair];
+        let kernels = self.radiance.iter().chain(&self.reduce).chain(others);
         kernels.into_iter().all(|kernel| kernel.is_ready(cache)) && cache.get_render_pipeline(self.apply).is_some()
     }
 }
@@ -43,7 +46,7 @@ pub(super) fn init_pipelines(
     fullscreen: Res<FullscreenShader>,
 ) {
     let uniform = uniform_buffer_sized(false, None);
-    let header = storage_buffer_read_only_sized(false, None);
+    let (list, lists) = (storage_buffer_read_only_sized(false, None), storage_buffer_sized(false, None));
     let words = texture_2d(TextureSampleType::Uint);
     let light = texture_2d(TextureSampleType::Float { filterable: false });
     let write = |format| texture_storage_2d(format, StorageTextureAccess::WriteOnly);
@@ -57,13 +60,15 @@ pub(super) fn init_pipelines(
     // View, parameters, surface, level below; three levels.
     let reduce = [uniform, uniform, words, words, node, node, node];
     // View, parameters, surface, residual; header, grid, densities, levels.
-    let integrand = |residual| [uniform, uniform, words, residual, header, uniform, header, words];
-    let (gather, apply) = (integrand(residual), integrand(words));
+    let gather = [uniform, uniform, words, residual, list, uniform, list, words];
+    // The same; pixels to repair.
+    let repair = [uniform, uniform, words, residual, list, uniform, list, words, list];
     // View, parameters, surface, residual; blurred.
     let blur = [uniform, uniform, words, words, residual];
+    // View, parameters, surface, residual; spread, pixels to repair.
+    let spread = [uniform, uniform, words, words, residual, lists];
 
-    let entries: Vec<_> = (0u32..).zip(apply).map(|(i, binding)| binding.build(i, ShaderStages::FRAGMENT)).collect();
-    let apply_layout = BindGroupLayoutDescriptor::new("bounce_ssbc_apply", &entries);
+    let apply_layout = BindGroupLayoutDescriptor::new("bounce_ssbc_apply", &[words.build(0, ShaderStages::FRAGMENT)]);
     let apply = cache.queue_render_pipeline(RenderPipelineDescriptor {
         label: Some("bounce_ssbc_apply".into()),
         layout: vec![apply_layout.clone()],
@@ -91,6 +96,8 @@ pub(super) fn init_pipelines(
         ],
         gather: kernel("ssbc/gather.wgsl", "gather", &gather, &[]),
         blur: kernel("ssbc/blur.wgsl", "blur", &blur, &[]),
+        spread: kernel("ssbc/spread.wgsl", "spread", &spread, &[]),
+        repair: kernel("ssbc/repair.wgsl", "repair", &repair, &[]),
         apply,
         apply_layout,
     });

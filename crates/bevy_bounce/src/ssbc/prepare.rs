@@ -2,11 +2,11 @@
 
 use bevy::prelude::*;
 use bevy::render::render_resource::{
-    Extent3d, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages, TextureView,
-    TextureViewDescriptor, UniformBuffer,
+    Buffer, BufferDescriptor, BufferUsages, Extent3d, Texture, TextureDescriptor, TextureDimension, TextureFormat,
+    TextureUsages, TextureView, TextureViewDescriptor, UniformBuffer,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy_bounce_shaders::types::{SSBC_LEVELS, SsbcParameters};
+use bevy_bounce_shaders::types::{SSBC_LEVELS, SSBC_REPAIR_HEADER, SsbcParameters};
 
 use super::SsbcSettings;
 use crate::Resolution;
@@ -16,7 +16,7 @@ use crate::view::{GiView, ViewTextures};
 const LEVELS: u32 = 1 + SSBC_LEVELS;
 /// Bytes of a texel of the hierarchy.
 const NODE_BYTES: u64 = 16;
-/// Bytes of a texel of the residual.
+/// Bytes of a texel of the residual, and of a pixel in the list of repairs.
 const RESIDUAL_BYTES: u64 = 4;
 
 /// What a view with bias compensation holds; kept from frame to frame, made anew when size or settings change.
@@ -35,6 +35,30 @@ pub(crate) struct SsbcTextures {
     pub blurred: Option<TextureView>,
     /// Size of the residual.
     pub residual_size: UVec2,
+    /// What a residual of fewer texels than pixels needs.
+    pub spread: Option<Spread>,
+}
+
+/// The residual at every pixel.
+pub(crate) struct Spread {
+    /// Like the residual, of as many texels as the view has pixels.
+    pub residual: TextureView,
+    /// Pixels at which it is integrated anew; see `ssbc/repairs.wgsl`.
+    pub repairs: Buffer,
+}
+
+impl Spread {
+    fn new(device: &RenderDevice, size: UVec2) -> Self {
+        Self {
+            residual: whole(&texture(device, "bounce_ssbc_spread", size, 1, TextureFormat::R32Uint)),
+            repairs: device.create_buffer(&BufferDescriptor {
+                label: Some("bounce_ssbc_repairs"),
+                size: repair_bytes(size),
+                usage: BufferUsages::STORAGE | BufferUsages::INDIRECT | BufferUsages::COPY_DST,
+                mapped_at_creation: false,
+            }),
+        }
+    }
 }
 
 impl SsbcTextures {
@@ -61,7 +85,18 @@ impl SsbcTextures {
             residual: residual("bounce_ssbc_residual"),
             blurred: settings.blur.then(|| residual("bounce_ssbc_blurred")),
             residual_size,
+            spread: (scale > 1).then(|| Spread::new(device, size)),
         }
+    }
+
+    /// What is added at each pixel.
+    pub fn result(&self) -> &TextureView {
+        self.spread.as_ref().map_or(self.sampled(), |spread| &spread.residual)
+    }
+
+    /// The last residual at its own texels.
+    pub fn sampled(&self) -> &TextureView {
+        self.blurred.as_ref().unwrap_or(&self.residual)
     }
 
     /// Texels of a mip level of the hierarchy.
@@ -71,11 +106,21 @@ impl SsbcTextures {
 
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> [(&'static str, u64); 2] {
-        let texels = |size: UVec2| u64::from(size.x) * u64::from(size.y);
         let hierarchy: u64 = (0..LEVELS).map(|level| texels(self.level_size(level)) * NODE_BYTES).sum();
-        let residuals = 1 + u64::from(self.blurred.is_some());
-        [("ssbc: hierarchy", hierarchy), ("ssbc: residual", texels(self.residual_size) * RESIDUAL_BYTES * residuals)]
+        let residuals = (1 + u64::from(self.blurred.is_some())) * texels(self.residual_size) * RESIDUAL_BYTES;
+        let size = self.key.0;
+        let spread = self.spread.as_ref().map_or(0, |_| texels(size) * RESIDUAL_BYTES + repair_bytes(size));
+        [("ssbc: hierarchy", hierarchy), ("ssbc: residual", residuals + spread)]
     }
+}
+
+fn texels(size: UVec2) -> u64 {
+    u64::from(size.x) * u64::from(size.y)
+}
+
+/// Of a list that holds every pixel.
+fn repair_bytes(size: UVec2) -> u64 {
+    (u64::from(SSBC_REPAIR_HEADER) + texels(size)) * RESIDUAL_BYTES
 }
 
 /// What sizes and number of the textures follow from.
