@@ -13,7 +13,8 @@ struct SsbcParameters {
     edge_solid_angle: f32,
     // Pixels a side of a texel of the residual: 1 or 2.
     scale: u32,
-    padding: u32,
+    // Where the tent ends that blurs the residual, texels of it.
+    reach: u32,
 }
 
 @group(0) @binding(0) var<uniform> view: View;

@@ -41,6 +41,8 @@ const LOBE_HEIGHT: f32 = 0.43869134;
 const LOBE_RADIUS: f32 = 0.62040323;
 /// Pixels to each side of the receiver that may be looked at as polygons.
 const NEAR: i32 = 2;
+/// Projected solid angle above which they are, sr.
+const NEAR_SOLID_ANGLE: f32 = 0.08;
 /// Of a square of edge 1.
 const HALF_DIAGONAL: f32 = 0.70710678;
 
@@ -119,7 +121,8 @@ fn visit(lens: Lens, receiver: Receiver, texel: vec2<i32>, level: u32) -> Visit 
     let between = select(between_plane, distance, is_edge);
     let between_square = max(between * between, 1e-20);
     let cosines = select(highest * other_highest, between_square, is_edge);
-    let limit = select(parameters.solid_angle, parameters.edge_solid_angle, is_edge);
+    let limit_of_plane = select(min(parameters.solid_angle, NEAR_SOLID_ANGLE), parameters.solid_angle, level > 0u);
+    let limit = select(limit_of_plane, parameters.edge_solid_angle, is_edge);
     let large = area * cosines > limit * between_square * (between_square + area / PI);
     let term = max(height, 0.0) * max(other_height, 0.0) / (square * (square + area / PI));
     return Visit(rgb9e5_to_vec3_(words.w) * (area * max(term - receiver.bound, 0.0)), large);
@@ -134,7 +137,7 @@ fn is_within(texel: vec2<i32>, level: u32, disc: Disc) -> bool {
 }
 
 struct Found {
-    // Irradiance times pi.
+    // Irradiance.
     light: vec3<f32>,
     // Bits of the pixels round the receiver that are still to be looked at.
     near: u32,

@@ -3,7 +3,8 @@
 //
 // The polygon is the pixel's share of its plane. Across the seam of the two planes, as that lies on the screen, it goes on to
 // the middle of a neighbour that rises from it: the seam is somewhere between the middles, and what lies beyond is below the
-// receiver's horizon.
+// receiver's horizon. Where something else stands in front, it is taken to go on behind that by half a pixel. The bound is
+// subtracted from a whole polygon: what of it is above and below the bound balances.
 //
 // Form factor of a polygon: Lambert 1760, in the form of Baum et al. 1989, "Improving Radiosity Solutions through the Use of
 // Analytically Determined Form-Factors".
@@ -78,6 +79,11 @@ fn depth_of_plane(lens: Lens, surface: Surface) -> vec3<f32> {
 /// Irradiance, of a pixel's radiance, from a pixel next to the receiver that is above the bound.
 fn near_light(lens: Lens, receiver: Surface, bound: f32, pixel: vec2<i32>) -> f32 {
     let surface = surface_at(lens, vec2<u32>(pixel));
+    let decay = grazing_decay(dot(surface.normal, toward_eye(view, surface.position)));
+    // At an edge that turns away the middle is below the receiver's horizon, at a seam above it.
+    if decay == 0.0 || dot(receiver.normal, surface.position - receiver.position) <= 0.0 {
+        return 0.0;
+    }
     let depth = depth_of_plane(lens, surface);
     let across = abs(depth - depth_of_plane(lens, receiver)).xy;
     let step = select(vec2<i32>(0, 1), vec2<i32>(1, 0), across.x > across.y);
@@ -90,6 +96,5 @@ fn near_light(lens: Lens, receiver: Surface, bound: f32, pixel: vec2<i32>) -> f3
         corners[i] = position_at(lens, at, max(dot(depth, vec3<f32>(at, 1.0)), 1e-9)).xyz - receiver.position;
     }
     let found = polygon_light(corners, receiver.normal);
-    let decay = grazing_decay(dot(surface.normal, toward_eye(view, surface.position)));
     return decay * max(found.x - bound * found.y, 0.0);
 }

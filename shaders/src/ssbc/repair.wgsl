@@ -9,9 +9,10 @@
 @group(0) @binding(8) var<storage, read> repairs: array<u32>;
 
 @compute @workgroup_size(REPAIR_GROUP)
-fn repair(@builtin(global_invocation_id) id: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>) {
+fn repair(@builtin(global_invocation_id) id: vec3<u32>) {
     let lens = view_lens();
-    for (var i = id.x; i < repairs[REPAIR_COUNT]; i += groups.x * REPAIR_GROUP) {
+    let threads = repairs[0] * REPAIR_GROUP;
+    for (var i = id.x; i < repairs[REPAIR_COUNT]; i += threads) {
         let word = repairs[SSBC_REPAIR_HEADER + i];
         let pixel = vec2<u32>(word & 0xffffu, word >> 16u);
         let light = residual_light(lens, surface_at(lens, pixel), pixel);

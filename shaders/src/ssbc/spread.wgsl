@@ -3,7 +3,7 @@
 // surface, none is taken to be: two surfaces that are near enough give to each other. A surface that is narrower than the
 // samples are apart may lose its share.
 //
-// Cost: one thread a sample; eleven loads and four stores.
+// Cost: one thread a sample; twelve loads, four stores and an atomic addition of the workgroup's.
 
 #import bevy_bounce::interleaved::surface::{Surface, is_same_surface}
 #import bevy_bounce::shared::groups::MAX_WORKGROUPS
@@ -26,7 +26,7 @@ struct Sample {
 }
 
 var<workgroup> failures: atomic<u32>;
-var<workgroup> first: u32;
+var<workgroup> first_slot: u32;
 
 fn groups_for(pixels: u32) -> u32 {
     return min((pixels + REPAIR_GROUP - 1u) / REPAIR_GROUP, MAX_WORKGROUPS);
@@ -49,7 +49,7 @@ fn upsample(samples: array<Sample, 4>, surface: Surface, place: vec2<u32>) -> ve
     for (var i = 0u; i < 4u; i++) {
         let is_corner = all(vec2<u32>(i & 1u, i >> 1u) <= place);
         count += select(0.0, 1.0, is_corner);
-        if is_corner && is_same_surface(surface, near[i].surface) {
+        if is_corner && surface.valid && is_same_surface(surface, near[i].surface) {
             sum += vec4<f32>(rgb9e5_to_vec3_(near[i].light), 1.0);
         }
     }
@@ -86,19 +86,19 @@ fn spread(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocatio
         fails |= select(0u, 1u << i, inside && surface.valid && lit != 0u && upsampled.a < ENOUGH);
     }
 
-    var place = atomicAdd(&failures, countOneBits(fails));
+    var slot = atomicAdd(&failures, countOneBits(fails));
     workgroupBarrier();
     if lane == 0u {
         let count = atomicLoad(&failures);
         if count > 0u {
-            first = append(count);
+            first_slot = append(count);
         }
     }
     workgroupBarrier();
     for (; fails != 0u; fails &= fails - 1u) {
         let i = countTrailingZeros(fails);
         let pixel = 2u * id.xy + vec2<u32>(i & 1u, i >> 1u);
-        atomicStore(&repairs[SSBC_REPAIR_HEADER + first + place], pixel.x | (pixel.y << 16u));
-        place++;
+        atomicStore(&repairs[SSBC_REPAIR_HEADER + first_slot + slot], pixel.x | (pixel.y << 16u));
+        slot++;
     }
 }

@@ -11,8 +11,8 @@ pub struct SsbcParameters {
     pub edge_solid_angle: f32,
     /// Pixels a side of a texel of the residual: 1 or 2.
     pub scale: u32,
-    /// Keeps rows of 16 bytes.
-    pub padding: u32,
+    /// Where the tent ends that blurs the residual, texels of it: 1 to [`SSBC_BLUR_REACH`].
+    pub reach: u32,
 }
 
 /// Levels of the hierarchy of the bias compensation above the pixels.
@@ -20,3 +20,6 @@ pub const SSBC_LEVELS: u32 = 6;
 
 /// Words before the pixels in the list of those at which the residual is integrated anew.
 pub const SSBC_REPAIR_HEADER: u32 = 4;
+
+/// Texels from the middle of the tent that blurs the residual to where it ends, at most.
+pub const SSBC_BLUR_REACH: u32 = 4;

@@ -46,6 +46,9 @@ fn depth_of_plane(lens: &Lens, position: Vec3, normal: Vec3) -> Vec3 {
 /// Irradiance, of a pixel's radiance, from a pixel next to the receiver that is above the bound.
 pub fn near_light(gbuffer: &GBuffer, (position, normal): (Vec3, Vec3), bound: f32, pixel: IVec2) -> f32 {
     let Some(surface) = gbuffer.surface_at(pixel.as_uvec2()) else { return 0.0 };
+    if normal.dot(surface.0 - position) <= 0.0 {
+        return 0.0;
+    }
     let lens = &gbuffer.lens;
     let plane = depth_of_plane(lens, surface.0, surface.1);
     let across = (plane - depth_of_plane(lens, position, normal)).abs();

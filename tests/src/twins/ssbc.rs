@@ -17,6 +17,7 @@ const BENT: f32 = 0.05;
 const LOBE_HEIGHT: f32 = 0.438_691_34;
 const LOBE_RADIUS: f32 = 0.620_403_23;
 const NEAR: i32 = 2;
+const NEAR_SOLID_ANGLE: f32 = 0.08;
 const HALF_DIAGONAL: f32 = std::f32::consts::FRAC_1_SQRT_2;
 
 /// World positions as a function of pixel coordinates and depth.
@@ -271,7 +272,8 @@ impl Integral<'_> {
         let touches = distance - reach <= other_highest;
         let between = if touches { nearest } else { (distance - 0.5 * radius).max(other_highest) }.powi(2);
         let solid_angle = node.area * height * other_highest / (between * (between + node.area / PI));
-        let is_large = solid_angle > self.parameters.solid_angle;
+        let limit = if level > 0 { f32::INFINITY } else { NEAR_SOLID_ANGLE };
+        let is_large = solid_angle > self.parameters.solid_angle.min(limit);
         if is_large && level > 0 {
             return Visit::Refine;
         }

@@ -121,10 +121,10 @@ fn iterate(
     if let Some(blur) = &groups.blur {
         p.blur.dispatch(encoder, cache, &[blur], view.residual);
     }
-    if let Some(groups) = &groups.spread {
-        encoder.clear_buffer(&groups.repairs, 0, Some(u64::from(4 * SSBC_REPAIR_HEADER)));
-        p.spread.dispatch(encoder, cache, &[&groups.spread], view.residual);
-        p.repair.dispatch_indirect(encoder, cache, &[&groups.repair], &groups.repairs);
+    if let Some(SpreadGroups { spread, repair, repairs }) = &groups.spread {
+        encoder.clear_buffer(repairs, 0, Some(u64::from(4 * SSBC_REPAIR_HEADER)));
+        p.spread.dispatch(encoder, cache, &[spread], view.residual);
+        p.repair.dispatch_indirect(encoder, cache, &[repair], repairs);
     }
 }
 

@@ -46,7 +46,7 @@ pub(super) fn init_pipelines(
     fullscreen: Res<FullscreenShader>,
 ) {
     let uniform = uniform_buffer_sized(false, None);
-    let (list, lists) = (storage_buffer_read_only_sized(false, None), storage_buffer_sized(false, None));
+    let (list, growing_list) = (storage_buffer_read_only_sized(false, None), storage_buffer_sized(false, None));
     let words = texture_2d(TextureSampleType::Uint);
     let light = texture_2d(TextureSampleType::Float { filterable: false });
     let write = |format| texture_storage_2d(format, StorageTextureAccess::WriteOnly);
@@ -66,7 +66,7 @@ pub(super) fn init_pipelines(
     // View, parameters, surface, residual; blurred.
     let blur = [uniform, uniform, words, words, residual];
     // View, parameters, surface, residual; spread, pixels to repair.
-    let spread = [uniform, uniform, words, words, residual, lists];
+    let spread = [uniform, uniform, words, words, residual, growing_list];
 
     let apply_layout = BindGroupLayoutDescriptor::new("bounce_ssbc_apply", &[words.build(0, ShaderStages::FRAGMENT)]);
     let apply = cache.queue_render_pipeline(RenderPipelineDescriptor {

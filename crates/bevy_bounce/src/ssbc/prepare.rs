@@ -6,11 +6,11 @@ use bevy::render::render_resource::{
     TextureUsages, TextureView, TextureViewDescriptor, UniformBuffer,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy_bounce_shaders::types::{SSBC_LEVELS, SSBC_REPAIR_HEADER, SsbcParameters};
+use bevy_bounce_shaders::types::{SSBC_BLUR_REACH, SSBC_LEVELS, SSBC_REPAIR_HEADER, SsbcParameters};
 
 use super::SsbcSettings;
-use crate::Resolution;
 use crate::view::{GiView, ViewTextures};
+use crate::{GiSettings, Resolution};
 
 /// Levels of the hierarchy, the pixels among them.
 const LEVELS: u32 = 1 + SSBC_LEVELS;
@@ -62,7 +62,8 @@ impl Spread {
 }
 
 impl SsbcTextures {
-    fn new(device: &RenderDevice, queue: &RenderQueue, size: UVec2, settings: SsbcSettings) -> Self {
+    fn new(device: &RenderDevice, queue: &RenderQueue, size: UVec2, asked: Asked) -> Self {
+        let settings = asked.settings;
         let scale = settings.resolution.pixels_a_texel();
         let residual_size = size.map(|pixels| pixels.div_ceil(scale));
         let hierarchy =
@@ -75,7 +76,7 @@ impl SsbcTextures {
                 ..default()
             })
         };
-        let mut parameters = UniformBuffer::from(parameters(&settings));
+        let mut parameters = UniformBuffer::from(asked.parameters());
         parameters.write_buffer(device, queue);
         Self {
             key: key(size, &settings),
@@ -128,12 +129,30 @@ fn key(size: UVec2, settings: &SsbcSettings) -> (UVec2, Resolution, bool) {
     (size, settings.resolution, settings.blur)
 }
 
-fn parameters(settings: &SsbcSettings) -> SsbcParameters {
-    SsbcParameters {
-        solid_angle: settings.solid_angle,
-        edge_solid_angle: settings.edge_solid_angle,
-        scale: settings.resolution.pixels_a_texel(),
-        padding: 0,
+/// What a view asks for.
+#[derive(Clone, Copy)]
+struct Asked {
+    settings: SsbcSettings,
+    /// At which bounded light is shaded.
+    shaded: Resolution,
+}
+
+impl Asked {
+    fn new(view: &GiView) -> Option<Self> {
+        let GiSettings { ssbc: settings, resolution: shaded, .. } = view.settings;
+        (settings.iterations > 0).then_some(Self { settings, shaded })
+    }
+
+    fn parameters(&self) -> SsbcParameters {
+        let scale = self.settings.resolution.pixels_a_texel();
+        // Bounded light is the mean over as many of its own texels.
+        let reach = SSBC_BLUR_REACH * self.shaded.pixels_a_texel() / scale;
+        SsbcParameters {
+            solid_angle: self.settings.solid_angle,
+            edge_solid_angle: self.settings.edge_solid_angle,
+            scale,
+            reach: reach.min(SSBC_BLUR_REACH),
+        }
     }
 }
 
@@ -170,18 +189,18 @@ pub(super) fn prepare_textures(
     >,
 ) {
     for (entity, view, textures, ours) in &mut views {
-        let asked = view.map(|view| view.settings.ssbc).filter(|settings| settings.iterations > 0);
+        let asked = view.and_then(Asked::new);
         let wanted = textures.zip(asked).map(|(textures, asked)| (textures.size, asked));
         match (wanted, ours) {
-            (Some((size, settings)), Some(mut ours)) if ours.key == key(size, &settings) => {
-                let parameters = parameters(&settings);
+            (Some((size, asked)), Some(mut ours)) if ours.key == key(size, &asked.settings) => {
+                let parameters = asked.parameters();
                 if *ours.parameters.get() != parameters {
                     ours.parameters.set(parameters);
                     ours.parameters.write_buffer(&device, &queue);
                 }
             }
-            (Some((size, settings)), _) => {
-                commands.entity(entity).insert(SsbcTextures::new(&device, &queue, size, settings));
+            (Some((size, asked)), _) => {
+                commands.entity(entity).insert(SsbcTextures::new(&device, &queue, size, asked));
             }
             (None, Some(_)) => {
                 commands.entity(entity).remove::<SsbcTextures>();
