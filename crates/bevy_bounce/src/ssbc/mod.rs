@@ -18,7 +18,8 @@
 //!    seam bounded light is too bright by what it got from pixels farther off, and there is too little of it beside the
 //!    seam; the residual is the reverse, once it went the same way.
 //! 5. At half resolution `spread`: upsampled among samples of one surface; and `repair`: integrated anew at the pixels where
-//!    that fails and something was found near, from a list of them.
+//!    that fails and something was found near, from a list of them. Those are not blurred: a seam may show as a bright line
+//!    one pixel wide, in pieces where it crosses rows.
 //!
 //! Then `apply` adds the residual to the bounced light.
 //!
