@@ -19,18 +19,51 @@ fn unproject(view: View, ndc: vec3<f32>) -> vec3<f32> {
     return p.xyz / p.w;
 }
 
+/// World positions, in homogeneous coordinates, as a linear function of pixel coordinates and reverse-z depth.
+struct Lens {
+    origin: vec4<f32>,
+    x: vec4<f32>,
+    y: vec4<f32>,
+    depth: vec4<f32>,
+    // Edges of a pixel where w is 1, world units.
+    right: vec3<f32>,
+    down: vec3<f32>,
+    // Length of the latter.
+    pixel: f32,
+}
+
+/// Of a view of that many pixels.
+fn lens_of(view: View, size: vec2<u32>) -> Lens {
+    let m = view.world_from_clip;
+    let step = 2.0 / vec2<f32>(size);
+    var lens: Lens;
+    lens.origin = m[3] - m[0] + m[1];
+    lens.x = m[0] * step.x;
+    lens.y = -m[1] * step.y;
+    lens.depth = m[2];
+    // Where the near plane is oblique w changes across the picture, and what moves with it is the eye.
+    lens.right = lens.x.xyz - view.world_position * lens.x.w;
+    lens.down = lens.y.xyz - view.world_position * lens.y.w;
+    lens.pixel = length(lens.down);
+    return lens;
+}
+
+/// World position of what is seen at those pixel coordinates, and the edge of a pixel there.
+fn position_at(lens: Lens, pixel: vec2<f32>, depth: f32) -> vec4<f32> {
+    let p = lens.origin + lens.x * pixel.x + lens.y * pixel.y + lens.depth * depth;
+    return vec4<f32>(p.xyz / p.w, lens.pixel / abs(p.w));
+}
+
 /// From a texel of the surface texture: bits of the reverse-z depth, octahedral normal.
-fn unpack_surface(texel: vec2<u32>, pixel: vec2<u32>, size: vec2<u32>, view: View) -> Surface {
+fn surface_of(lens: Lens, texel: vec2<u32>, pixel: vec2<u32>) -> Surface {
     let depth = bitcast<f32>(texel.x);
-    let uv = (vec2<f32>(pixel) + 0.5) / vec2<f32>(size);
-    let ndc = vec2<f32>(uv.x * 2.0 - 1.0, 1.0 - uv.y * 2.0);
-    var surface: Surface;
-    surface.valid = depth > 0.0;
-    surface.position = unproject(view, vec3<f32>(ndc, max(depth, 1e-9)));
-    surface.normal = decode_unit(texel.y);
-    let next = unproject(view, vec3<f32>(ndc.x, ndc.y + 2.0 / f32(size.y), max(depth, 1e-9)));
-    surface.footprint = distance(surface.position, next);
-    return surface;
+    let position = position_at(lens, vec2<f32>(pixel) + 0.5, max(depth, 1e-9));
+    return Surface(position.xyz, decode_unit(texel.y), position.w, depth > 0.0);
+}
+
+/// The same in a view of that many pixels.
+fn unpack_surface(texel: vec2<u32>, pixel: vec2<u32>, size: vec2<u32>, view: View) -> Surface {
+    return surface_of(lens_of(view, size), texel, pixel);
 }
 
 /// From a point on the way to the eye.

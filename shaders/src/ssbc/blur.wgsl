@@ -1,39 +1,48 @@
-// The residual as the mean over a tent within its surface, as wide as that through which bounded light goes: what each has
-// lost, or holds too much, next to a seam, the other has there.
+// The residual as the mean over a tent within its surface, the one through which bounded light goes: what each has lost, or
+// holds too much, next to a seam, the other has there. Where both are of one resolution it takes the samples that bounded light
+// is the mean of: where a seam passes between them, what falls through is missing from one and left over in the other. At half
+// resolution a pixel for which the tent finds too few samples of its surface goes on the list, as that of bounded light is shaded
+// anew.
 //
-// Cost: two loads a texel of the tent, 49 where both are of one resolution.
+// Cost: 28 loads a pixel where both are of one resolution.
 
-#import bevy_pbr::rgb9e5::{rgb9e5_to_vec3_, vec3_to_rgb9e5_}
-#import bevy_bounce::interleaved::surface::is_same_surface
-#import bevy_bounce::ssbc::common::{parameters, surface_at, view_lens}
+#import bevy_bounce::interleaved::tent::{Tent, row_mean, column_mean, TENT_FEW}
+#import bevy_bounce::ssbc::common::{parameters, surface_texture, surface_at, view_lens}
+#import bevy_bounce::ssbc::list::list_pixels
 
-@group(0) @binding(3) var residual_texture: texture_2d<u32>;
-@group(0) @binding(4) var output: texture_storage_2d<r32uint, write>;
+// At its own texels, then the means along rows.
+@group(0) @binding(3) var light_texture: texture_2d<f32>;
+@group(0) @binding(4) var output: texture_storage_2d<rgba16float, write>;
 
 @compute @workgroup_size(8, 8)
-fn blur(@builtin(global_invocation_id) id: vec3<u32>) {
-    let last = vec2<i32>(textureDimensions(residual_texture)) - 1;
-    let texel = vec2<i32>(id.xy);
-    if any(texel > last) {
+fn blur_rows(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= textureDimensions(surface_texture).x || id.y >= textureDimensions(light_texture).y {
         return;
     }
     let lens = view_lens();
-    let scale = i32(parameters.scale);
-    let reach = i32(parameters.reach);
-    let center = surface_at(lens, vec2<u32>(texel * scale));
-    let low = max(texel - (reach - 1), vec2<i32>(0));
-    let high = min(texel + (reach - 1), last);
-    var sum = vec4<f32>(0.0);
-    for (var y = low.y; y <= high.y; y++) {
-        for (var x = low.x; x <= high.x; x++) {
-            let other = vec2<i32>(x, y);
-            if is_same_surface(center, surface_at(lens, vec2<u32>(other * scale))) {
-                let weights = vec2<f32>(reach - abs(other - texel));
-                let light = rgb9e5_to_vec3_(textureLoad(residual_texture, other, 0).x);
-                sum += weights.x * weights.y * vec4<f32>(light, 1.0);
-            }
-        }
+    let center = surface_at(lens, vec2<u32>(id.x, id.y * parameters.scale));
+    var light = vec4<f32>(0.0);
+    if center.valid {
+        let tent = Tent(parameters.reach, parameters.scale);
+        light = row_mean(lens, surface_texture, light_texture, center, id.xy, tent);
     }
-    let light = vec3_to_rgb9e5_(sum.rgb / max(sum.w, 1e-6));
-    textureStore(output, texel, vec4<u32>(light, 0u, 0u, 0u));
+    textureStore(output, id.xy, light);
+}
+
+@compute @workgroup_size(8, 8)
+fn blur_columns(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
+    let size = textureDimensions(surface_texture);
+    let lens = view_lens();
+    let inside = all(id.xy < size);
+    let center = surface_at(lens, min(id.xy, size - 1u));
+    var light = vec4<f32>(0.0);
+    if center.valid && inside {
+        let tent = Tent(parameters.reach, parameters.scale);
+        light = column_mean(lens, surface_texture, light_texture, center, id.xy, tent);
+    }
+    if inside {
+        textureStore(output, id.xy, vec4<f32>(light.rgb, 1.0));
+    }
+    let has_few = parameters.scale > 1u && inside && center.valid && light.a < TENT_FEW;
+    list_pixels(id.xy, select(0u, 1u, has_few), lane);
 }

@@ -5,8 +5,7 @@
 #define_import_path bevy_bounce::ssbc::common
 
 #import bevy_render::view::View
-#import bevy_bounce::interleaved::surface::Surface
-#import bevy_bounce::shared::octahedral::decode_unit
+#import bevy_bounce::interleaved::surface::{Surface, Lens, lens_of, position_at, surface_of}
 
 struct SsbcParameters {
     solid_angle: f32,
@@ -21,35 +20,11 @@ struct SsbcParameters {
 @group(0) @binding(1) var<uniform> parameters: SsbcParameters;
 @group(0) @binding(2) var surface_texture: texture_2d<u32>;
 
-/// World positions, in homogeneous coordinates, as a linear function of pixel coordinates and reverse-z depth.
-struct Lens {
-    origin: vec4<f32>,
-    x: vec4<f32>,
-    y: vec4<f32>,
-    depth: vec4<f32>,
-    // Edge of a pixel where w is 1, world units.
-    pixel: f32,
-}
-
 fn view_lens() -> Lens {
-    let m = view.world_from_clip;
-    let step = 2.0 / vec2<f32>(textureDimensions(surface_texture));
-    var lens: Lens;
-    lens.origin = m[3] - m[0] + m[1];
-    lens.x = m[0] * step.x;
-    lens.y = -m[1] * step.y;
-    lens.depth = m[2];
-    lens.pixel = length(lens.y.xyz);
-    return lens;
+    return lens_of(view, textureDimensions(surface_texture));
 }
 
-/// World position of what is seen at those pixel coordinates, and the edge of a pixel there.
-fn position_at(lens: Lens, pixel: vec2<f32>, depth: f32) -> vec4<f32> {
-    let p = lens.origin + lens.x * pixel.x + lens.y * pixel.y + lens.depth * depth;
-    return vec4<f32>(p.xyz / p.w, lens.pixel / abs(p.w));
-}
-
-/// The same for a texel, from its middle, and the edge of the texel.
+/// World position of what is seen at the middle of a texel, and the edge of the texel there.
 fn texel_at(lens: Lens, texel: vec2<i32>, level: u32, depth: f32) -> vec4<f32> {
     let scale = f32(1u << level);
     return position_at(lens, (vec2<f32>(texel) + 0.5) * scale, depth) * vec4<f32>(1.0, 1.0, 1.0, scale);
@@ -57,10 +32,7 @@ fn texel_at(lens: Lens, texel: vec2<i32>, level: u32, depth: f32) -> vec4<f32> {
 
 /// What a pixel shows.
 fn surface_at(lens: Lens, pixel: vec2<u32>) -> Surface {
-    let texel = textureLoad(surface_texture, pixel, 0).xy;
-    let depth = bitcast<f32>(texel.x);
-    let position = position_at(lens, vec2<f32>(pixel) + 0.5, max(depth, 1e-9));
-    return Surface(position.xyz, decode_unit(texel.y), position.w, depth > 0.0);
+    return surface_of(lens, textureLoad(surface_texture, pixel, 0).xy, pixel);
 }
 
 /// Cosine of 80 degrees.

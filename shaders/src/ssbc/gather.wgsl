@@ -1,10 +1,9 @@
 // The residual at each pixel, or at every second one of every second row. Cost: see `integrate.wgsl`.
 
-#import bevy_pbr::rgb9e5::vec3_to_rgb9e5_
 #import bevy_bounce::ssbc::common::{parameters, surface_at, view_lens}
 #import bevy_bounce::ssbc::integrate::residual_light
 
-@group(0) @binding(3) var output: texture_storage_2d<r32uint, write>;
+@group(0) @binding(3) var output: texture_storage_2d<rgba16float, write>;
 
 const GROUP: u32 = 8u;
 
@@ -25,9 +24,9 @@ fn gather(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     let lens = view_lens();
     let pixel = texel * parameters.scale;
     let surface = surface_at(lens, pixel);
-    var light = 0u;
+    var light = vec3<f32>(0.0);
     if surface.valid {
-        light = vec3_to_rgb9e5_(residual_light(lens, surface, pixel));
+        light = residual_light(lens, surface, pixel);
     }
-    textureStore(output, texel, vec4<u32>(light, 0u, 0u, 0u));
+    textureStore(output, texel, vec4<f32>(light, 1.0));
 }

@@ -15,7 +15,8 @@
 
 #import bevy_pbr::rgb9e5::{vec3_to_rgb9e5_, rgb9e5_to_vec3_}
 #import bevy_bounce::shared::octahedral::{encode_unit, decode_unit}
-#import bevy_bounce::ssbc::common::{Lens, texel_at}
+#import bevy_bounce::interleaved::surface::Lens
+#import bevy_bounce::ssbc::common::texel_at
 
 /// Levels above the pixels.
 const SSBC_LEVELS: u32 = 6u;
@@ -40,7 +41,7 @@ struct Node {
 
 // By how much the depth of a plane through the middle of a texel differs at its corners.
 fn depth_range(lens: Lens, normal: vec3<f32>, position: vec3<f32>, level: u32) -> f32 {
-    let across = 0.5 * f32(1u << level) * (abs(dot(normal, lens.x.xyz)) + abs(dot(normal, lens.y.xyz)));
+    let across = 0.5 * f32(1u << level) * (abs(dot(normal, lens.right)) + abs(dot(normal, lens.down)));
     let along = abs(dot(normal, lens.depth.xyz) - dot(normal, position) * lens.depth.w);
     return min(across / max(along, 1e-30), 1.0);
 }

@@ -19,10 +19,10 @@
 #define_import_path bevy_bounce::ssbc::integrate
 
 #import bevy_pbr::rgb9e5::rgb9e5_to_vec3_
-#import bevy_bounce::interleaved::surface::Surface
+#import bevy_bounce::interleaved::surface::{Surface, Lens}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::sampling::PI
-#import bevy_bounce::ssbc::common::{parameters, surface_texture, sphere_on_screen, Disc, Lens}
+#import bevy_bounce::ssbc::common::{parameters, surface_texture, sphere_on_screen, Disc}
 #import bevy_bounce::ssbc::hierarchy::{decode_range, EDGE, SSBC_LEVELS}
 #import bevy_bounce::ssbc::near::near_light
 #import bevy_bounce::vpl::bound::geometry_bound
@@ -186,7 +186,7 @@ fn residual_light(lens: Lens, surface: Surface, pixel: vec2<u32>) -> vec3<f32> {
     if header.count == 0u || bound <= 0.0 {
         return vec3<f32>(0.0);
     }
-    let slope = 0.5 * (abs(dot(surface.normal, lens.x.xyz)) + abs(dot(surface.normal, lens.y.xyz)));
+    let slope = 0.5 * (abs(dot(surface.normal, lens.right)) + abs(dot(surface.normal, lens.down)));
     let receiver = Receiver(surface.position, surface.normal, vec2<i32>(pixel), slope / lens.pixel, bound);
     let reach = inverseSqrt(bound);
     let disc = sphere_on_screen(surface.position + surface.normal * (LOBE_HEIGHT * reach), LOBE_RADIUS * reach);
@@ -210,5 +210,5 @@ fn residual_light(lens: Lens, surface: Surface, pixel: vec2<u32>) -> vec3<f32> {
         let radiance = rgb9e5_to_vec3_(textureLoad(hierarchy, other, 0).w);
         light += radiance * near_light(lens, surface, bound, other);
     }
-    return light / PI;
+    return clamp(light / PI, vec3<f32>(0.0), vec3<f32>(6e4));
 }

@@ -13,8 +13,8 @@
 
 #define_import_path bevy_bounce::ssbc::near
 
-#import bevy_bounce::interleaved::surface::{Surface, toward_eye}
-#import bevy_bounce::ssbc::common::{view, surface_texture, surface_at, position_at, grazing_decay, Lens}
+#import bevy_bounce::interleaved::surface::{Surface, Lens, position_at, toward_eye}
+#import bevy_bounce::ssbc::common::{view, surface_texture, surface_at, grazing_decay}
 
 /// Cosine of the angle between normals up to which two pixels show one plane.
 const ONE_PLANE: f32 = 0.95;

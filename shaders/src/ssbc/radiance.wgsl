@@ -10,7 +10,7 @@
 #import bevy_pbr::rgb9e5::rgb9e5_to_vec3_
 
 #ifdef COMPENSATED
-@group(0) @binding(3) var residual: texture_2d<u32>;
+@group(0) @binding(3) var residual: texture_2d<f32>;
 #endif
 @group(0) @binding(4) var deferred_texture: texture_2d<u32>;
 @group(0) @binding(5) var direct_diffuse: texture_2d<f32>;
@@ -44,7 +44,7 @@ fn radiance(@builtin(global_invocation_id) id: vec3<u32>) {
     let reflected = base_color * ((1.0 - properties.g) * properties.b);
     var irradiance = textureLoad(indirect, id.xy, 0).rgb;
 #ifdef COMPENSATED
-    irradiance += rgb9e5_to_vec3_(textureLoad(residual, id.xy, 0).x);
+    irradiance += textureLoad(residual, id.xy, 0).rgb;
 #endif
     let light = rgb9e5_to_vec3_(packed.g) + textureLoad(direct_diffuse, id.xy, 0).rgb + irradiance * reflected;
     let texel = textureLoad(surface_texture, id.xy, 0).xy;

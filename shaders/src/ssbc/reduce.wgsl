@@ -5,7 +5,8 @@
 //
 // Cost: a workgroup makes 8x8 texels of the first of the three levels, and from them 4x4 and 2x2 through its memory.
 
-#import bevy_bounce::ssbc::common::{surface_texture, view_lens, texel_at, Lens}
+#import bevy_bounce::interleaved::surface::Lens
+#import bevy_bounce::ssbc::common::{surface_texture, view_lens, texel_at}
 #import bevy_bounce::ssbc::hierarchy::{Node, encode_node, decode_node, SSBC_LEVELS}
 
 @group(0) @binding(3) var source: texture_2d<u32>;

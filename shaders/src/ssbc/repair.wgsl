@@ -3,9 +3,8 @@
 #import bevy_bounce::ssbc::common::{surface_at, view_lens}
 #import bevy_bounce::ssbc::integrate::residual_light
 #import bevy_bounce::ssbc::repairs::{SSBC_REPAIR_HEADER, REPAIR_COUNT, REPAIR_GROUP}
-#import bevy_pbr::rgb9e5::vec3_to_rgb9e5_
 
-@group(0) @binding(3) var output: texture_storage_2d<r32uint, write>;
+@group(0) @binding(3) var output: texture_storage_2d<rgba16float, write>;
 @group(0) @binding(8) var<storage, read> repairs: array<u32>;
 
 @compute @workgroup_size(REPAIR_GROUP)
@@ -16,6 +15,6 @@ fn repair(@builtin(global_invocation_id) id: vec3<u32>) {
         let word = repairs[SSBC_REPAIR_HEADER + i];
         let pixel = vec2<u32>(word & 0xffffu, word >> 16u);
         let light = residual_light(lens, surface_at(lens, pixel), pixel);
-        textureStore(output, pixel, vec4<u32>(vec3_to_rgb9e5_(light), 0u, 0u, 0u));
+        textureStore(output, pixel, vec4<f32>(light, 1.0));
     }
 }

@@ -1,4 +1,4 @@
-// The list of pixels at which upsampling fails, for want of samples of their surface.
+// The list of pixels for which there are too few samples of their surface.
 //
 // Words 0 to 2: workgroups that integrate them, as an indirect dispatch takes them. Word 3: how many they are. Then each: x in
 // the low half, y in the high one.

@@ -11,7 +11,7 @@ pub struct SsbcParameters {
     pub edge_solid_angle: f32,
     /// Pixels a side of a texel of the residual: 1 or 2.
     pub scale: u32,
-    /// Where the tent ends that blurs the residual, texels of it: 1 to [`SSBC_BLUR_REACH`].
+    /// Where the tent ends that blurs the residual, texels of it: as wide as [`TENT_REACH`](super::TENT_REACH) of bounded light.
     pub reach: u32,
 }
 
@@ -20,6 +20,3 @@ pub const SSBC_LEVELS: u32 = 6;
 
 /// Words before the pixels in the list of those at which the residual is integrated anew.
 pub const SSBC_REPAIR_HEADER: u32 = 4;
-
-/// Texels from the middle of the tent that blurs the residual to where it ends, at most.
-pub const SSBC_BLUR_REACH: u32 = 4;

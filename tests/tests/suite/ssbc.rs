@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 use std::f32::consts::{FRAC_PI_2, PI};
 
-use bevy::camera::Exposure;
+use bevy::camera::{CameraProjection, Exposure, PerspectiveProjection, SubCameraView};
 use bevy::math::{Mat4, UVec2, Vec2, Vec3, Vec4};
 use bevy::prelude::*;
 use bevy_bounce::{GiIsolate, GiSettings, Resolution, SsbcSettings};
@@ -185,7 +185,7 @@ fn gathered(eye: &Eye, gbuffer: &GBuffer, parameters: SsbcParameters, bound: f32
         .floats("densities", &[bound, 1.0])
         .texture("surface_texture", TextureFormat::Rg32Uint, size, false, surface)
         .texture("radiance_texture", TextureFormat::Rgba16Float, size, false, &half_texels(&gbuffer.radiance))
-        .texture("residual_texture", TextureFormat::R32Uint, [samples.x, samples.y, 1], false, &[])
+        .texture("residual_texture", TextureFormat::Rgba16Float, [samples.x, samples.y, 1], false, &[])
         .mips("hierarchy", TextureFormat::Rgba32Uint, padded.to_array(), &levels);
     let kernel = gpu().kernel(&compose_source(FILL, "fill.wgsl", &[]).expect("composes"), "fill");
     gpu().dispatch(&kernel.expect("the device takes it"), &resources, groups(eye.size)).expect("runs");
@@ -207,7 +207,8 @@ fn groups(texels: UVec2) -> [u32; 3] {
 
 fn light(resources: &Resources, texture: &str) -> Vec<Vec3> {
     let bytes = resources.read_texture(texture).unwrap_or_else(|error| panic!("{error}"));
-    bytes.as_chunks().0.iter().map(|word| rgb9e5_to_vec3(u32::from_le_bytes(*word))).collect()
+    let halves: Vec<f32> = bytes.as_chunks().0.iter().map(|half| half::f16::from_le_bytes(*half).to_f32()).collect();
+    halves.chunks(4).map(Vec3::from_slice).collect()
 }
 
 /// The residual at every pixel by the shipped shaders.
@@ -329,32 +330,36 @@ fn pixels_at_a_seam_get_what_they_lost() {
     assert!(count > 1000 && mean.abs() < 0.05 && worst < 0.15, "{count} pixels, mean error {mean}, worst {worst}");
 }
 
+/// The pixels in the list of those to be integrated anew, by number.
+fn listed(resources: &Resources, size: UVec2) -> HashSet<usize> {
+    let repairs = resources.read_words("repairs").unwrap_or_else(|error| panic!("{error}"));
+    let (header, pixels) = repairs.split_at(SSBC_REPAIR_HEADER as usize);
+    let listed: HashSet<usize> =
+        pixels[..header[3] as usize].iter().map(|word| ((word >> 16) * size.x + (word & 0xffff)) as usize).collect();
+    assert_eq!(listed.len(), header[3] as usize, "a pixel is listed twice");
+    assert_eq!(header[0], header[3].div_ceil(64), "workgroups for {} pixels", header[3]);
+    listed
+}
+
 /// From a quarter of the pixels to all of them: how many were integrated anew, and the sum over that at all pixels.
-fn spread(shapes: &[(Shape, Vec3)]) -> (usize, f32) {
+fn spread(shapes: &[(Shape, Vec3)], bound: f32) -> (usize, f32) {
     // Not a multiple of the samples' step, nor of a workgroup.
     let eye = room_eye(UVec2::new(301, 167));
     let gbuffer = eye.look(shapes);
-    let bound = 64.0;
     let exact = shipped(&eye, &gbuffer, PARAMETERS, bound);
     let pixel_count = eye.size.element_product() as usize;
     let resources = gathered(&eye, &gbuffer, SsbcParameters { scale: 2, ..PARAMETERS }, bound)
-        .texture("spread", TextureFormat::R32Uint, [eye.size.x, eye.size.y, 1], false, &[])
+        .texture("spread", TextureFormat::Rgba16Float, [eye.size.x, eye.size.y, 1], false, &[])
         .alias("spread", "output")
         .zeroed("repairs", SSBC_REPAIR_HEADER as usize + pixel_count);
     run(gpu(), "ssbc/spread.wgsl", "spread", &resources, groups(eye.size.map(|pixels| pixels.div_ceil(2))));
-    let repairs = resources.read_words("repairs").unwrap_or_else(|error| panic!("{error}"));
-    let (header, listed) = repairs.split_at(SSBC_REPAIR_HEADER as usize);
-    let listed: HashSet<usize> = listed[..header[3] as usize]
-        .iter()
-        .map(|word| ((word >> 16) * eye.size.x + (word & 0xffff)) as usize)
-        .collect();
-    assert_eq!(listed.len(), header[3] as usize, "a pixel is listed twice");
-    assert_eq!(header[0], header[3].div_ceil(64), "workgroups for {} pixels", header[3]);
-    run(gpu(), "ssbc/repair.wgsl", "repair", &resources, [header[0].max(1), 1, 1]);
+    let listed = listed(&resources, eye.size);
+    let repair_groups = (listed.len() as u32).div_ceil(64).max(1);
+    run(gpu(), "ssbc/repair.wgsl", "repair", &resources, [repair_groups, 1, 1]);
     let spread = light(&resources, "spread");
     for (i, pixel) in pixels(eye.size).enumerate() {
         if listed.contains(&i) || pixel % 2 == UVec2::ZERO {
-            assert_eq!(spread[i], exact[i], "{pixel}");
+            assert!((spread[i] - exact[i]).abs().max_element() <= 2e-3 * exact[i].max_element(), "{pixel}");
         }
     }
     let (energy, _) = difference(&spread, &exact);
@@ -364,12 +369,132 @@ fn spread(shapes: &[(Shape, Vec3)]) -> (usize, f32) {
 
 #[test]
 fn samples_are_spread_within_surfaces_and_seams_are_integrated_anew() {
-    let (seams, energy) = spread(&room());
-    assert!((energy - 1.0).abs() < 0.05, "{energy} of the light at all pixels");
+    let (_, energy) = spread(&room(), 16.0);
+    assert!((energy - 1.0).abs() < 0.03, "{energy} of the light at all pixels");
+    // What is above the bound reaches no farther than from one sample to the next.
+    let (seams, energy) = spread(&room(), 64.0);
+    assert!((energy - 1.0).abs() < 0.12, "{energy} of the light at all pixels");
     // Narrower than samples are apart.
     let pole = |i: i32| (panel([-1.9 + 0.19 * i as f32, 0.0, -1.9], [0.03, 0.0, 0.0], [0.0, 2.0, 0.0]), Vec3::ONE);
-    let (listed, _) = spread(&room().into_iter().chain((0..20).map(pole)).collect::<Vec<_>>());
+    let (listed, _) = spread(&room().into_iter().chain((0..20).map(pole)).collect::<Vec<_>>(), 64.0);
     assert!(seams > 200 && listed > seams, "{seams} pixels at seams, {listed} with poles");
+}
+
+/// The edge of a pixel by the closed form: of lenses that are straight, parallel, of a part of a view and with an
+/// oblique near plane, far from the world's origin.
+#[test]
+fn footprints_are_those_of_the_lens() {
+    let (size, fov) = (UVec2::new(32, 18), 0.7f32);
+    let aspect = size.x as f32 / size.y as f32;
+    let straight = PerspectiveProjection { fov, aspect_ratio: aspect, near: NEAR, ..default() };
+    let near_clip_plane = Vec3::new(0.2, 0.3, -1.0).normalize().extend(-NEAR);
+    let oblique = PerspectiveProjection { near_clip_plane, ..straight.clone() };
+    let part = SubCameraView { full_size: 2 * size, offset: Vec2::new(30.0, 4.0), size };
+    let edge = 2.0 * (0.5 * fov).tan() / size.y as f32;
+    let lenses = [
+        ("straight", straight.get_clip_from_view(), edge),
+        ("part", straight.get_clip_from_view_for_sub(&part), 0.5 * edge),
+        ("oblique", oblique.get_clip_from_view(), edge),
+        ("parallel", Mat4::orthographic_rh(-1.6, 1.6, -0.9, 0.9, 50.0, NEAR), 0.0),
+    ];
+    let source = "
+        #import bevy_bounce::ssbc::common::{surface_texture, surface_at, view_lens}
+        @group(0) @binding(3) var<storage, read_write> footprints: array<f32>;
+        @compute @workgroup_size(8, 8)
+        fn measure(@builtin(global_invocation_id) id: vec3<u32>) {
+            let size = textureDimensions(surface_texture);
+            if all(id.xy < size) {
+                footprints[id.y * size.x + id.x] = surface_at(view_lens(), id.xy).footprint;
+            }
+        }";
+    let kernel = gpu().kernel(&compose_source(source, "measure.wgsl", &[]).expect("composes"), "measure");
+    let kernel = kernel.expect("the device takes it");
+    for (name, clip_from_view, edge) in lenses {
+        let at = Vec3::new(100.0, 20.0, -40.0);
+        let place = Transform::from_translation(at).looking_at(at + Vec3::new(0.3, -1.0, -1.0), Vec3::Y);
+        let eye = Eye { size, place, clip_from_view };
+        let floor = (panel([60.0, 17.0, -80.0], [0.0, 0.0, 80.0], [80.0, 0.0, 0.0]), Vec3::ONE);
+        let gbuffer = eye.look(&[floor]);
+        let resources = Resources::new(gpu())
+            .bytes("view", &eye.uniform())
+            .texture(
+                "surface_texture",
+                TextureFormat::Rg32Uint,
+                [size.x, size.y, 1],
+                false,
+                bytemuck::cast_slice(&gbuffer.surface),
+            )
+            .floats("footprints", &vec![0.0; size.element_product() as usize]);
+        gpu().dispatch(&kernel, &resources, groups(size)).expect("runs");
+        let footprints = resources.read_floats("footprints").unwrap_or_else(|error| panic!("{error}"));
+        let mut seen = 0;
+        for (pixel, footprint) in pixels(size).zip(footprints) {
+            let Some((position, ..)) = gbuffer.surface_at(pixel) else { continue };
+            let depth = (position - at).dot(*place.forward());
+            let expected = if edge > 0.0 { edge * depth } else { 1.8 / size.y as f32 };
+            seen += 1;
+            assert!((footprint / expected - 1.0).abs() < 0.01, "{name}, {pixel}: {footprint}, expected {expected}");
+        }
+        assert!(seen > 100, "{name}: {seen} pixels of the floor");
+    }
+}
+
+/// A tent within each surface, as wide as that of bounded light, of either resolution: what is even stays even, none comes across
+/// a seam, a single sample becomes the tent, and at half resolution pixels of whose surface there is no sample are listed.
+#[test]
+fn the_blur_is_a_tent_within_a_surface() {
+    let eye = Eye::new(UVec2::new(101, 67), Vec3::new(0.0, 1.6, 1.6), Vec3::ZERO, 0.6);
+    let floor = || (panel([-2.0, 0.0, 0.0], [0.0, 0.0, 2.0], [4.0, 0.0, 0.0]), Vec3::ONE);
+    let wall = || (panel([-2.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0]), Vec3::ONE);
+    // Less than a pixel wide, now and then on an even one.
+    let pole = |i: i32| (panel([-0.4 + 0.083 * i as f32, 0.0, 0.1], [0.008, 0.0, 0.0], [0.0, 0.6, 0.0]), Vec3::ONE);
+    let gbuffer = eye.look(&[floor(), wall()]);
+    let is_floor = |pixel: UVec2| gbuffer.surface_at(pixel).is_some_and(|(_, normal, _)| normal.y > 0.9);
+    for (scale, reach) in [(1, 4), (1, 8), (2, 4), (2, 2)] {
+        let texels = eye.size.map(|pixels| pixels.div_ceil(scale));
+        let blurred = |gbuffer: &GBuffer, light: &dyn Fn(UVec2) -> f32| {
+            let samples: Vec<_> = pixels(texels).map(|texel| Vec3::splat(light(texel)).extend(1.0)).collect();
+            let texture = |resources: Resources, name: &str, size: UVec2, texels: &[u8]| {
+                resources.texture(name, TextureFormat::Rgba16Float, [size.x, size.y, 1], false, texels)
+            };
+            let surface = bytemuck::cast_slice(&gbuffer.surface);
+            let resources = Resources::new(gpu())
+                .bytes("view", &eye.uniform())
+                .uniform("parameters", &SsbcParameters { scale, reach, ..PARAMETERS })
+                .texture("surface_texture", TextureFormat::Rg32Uint, [eye.size.x, eye.size.y, 1], false, surface)
+                .zeroed("repairs", (SSBC_REPAIR_HEADER + eye.size.element_product()) as usize);
+            let resources = texture(resources, "light_texture", texels, &half_texels(&samples));
+            let resources = texture(resources, "rows", eye.size, &[]);
+            let resources = texture(resources, "columns", eye.size, &[]).alias("rows", "output");
+            run(gpu(), "ssbc/blur.wgsl", "blur_rows", &resources, groups(eye.size));
+            let resources = resources.alias("rows", "light_texture").alias("columns", "output");
+            run(gpu(), "ssbc/blur.wgsl", "blur_columns", &resources, groups(eye.size));
+            (self::light(&resources, "columns"), listed(&resources, eye.size))
+        };
+        let (even, few) = blurred(&gbuffer, &|texel| f32::from(u8::from(is_floor(texel * scale))));
+        assert!(few.is_empty(), "{} pixels listed of two large surfaces", few.len());
+        for (pixel, light) in pixels(eye.size).zip(even) {
+            let expected = f32::from(u8::from(is_floor(pixel)));
+            assert!((light.x - expected).abs() < 1e-3, "{pixel}: {light}, scale {scale}, reach {reach}");
+        }
+        let sample = UVec2::new(50, 56) / scale;
+        let (single, _) = blurred(&gbuffer, &|texel| f32::from(u8::from(texel == sample)));
+        for (pixel, light) in pixels(eye.size).zip(single) {
+            let away = (pixel.as_vec2() / scale as f32 - sample.as_vec2()).abs();
+            let tent = (Vec2::splat(reach as f32) - away).max(Vec2::ZERO).element_product() / (reach as f32).powi(4);
+            // At the end of the picture and of the floor the tent is narrower.
+            if is_floor(pixel) && pixel.y < 66 - reach * scale && pixel.y > 40 + reach * scale {
+                assert!((light.x - tent).abs() < 0.02 * tent.max(1e-2), "{pixel}: {light}, expected {tent}");
+            }
+        }
+        let with_poles = eye.look(&[floor(), wall()].into_iter().chain((0..10).map(pole)).collect::<Vec<_>>());
+        let (light, few) = blurred(&with_poles, &|_| 1.0);
+        let known = pixels(eye.size).enumerate().filter(|(i, _)| !few.contains(i));
+        let dark =
+            known.filter(|(i, pixel)| with_poles.surface_at(*pixel).is_some() && (light[*i].x - 1.0).abs() > 1e-3);
+        assert_eq!(dark.count(), 0, "pixels without light that are not listed");
+        assert_eq!(few.is_empty(), scale == 1, "{} pixels listed at scale {scale}, reach {reach}", few.len());
+    }
 }
 
 /// An edge that turns away loses nothing to the bound, wherever it passes its pixels.
@@ -399,12 +524,11 @@ fn a_pixel_sends_all_but_specular_light() {
     let emission = (256 | 256 << 9 | 256 << 18) | 17 << 27;
     let deferred = [base, emission, 51 << 8 | 153 << 16, 0].repeat(16);
     let light = |value: f32| half_texels(&[Vec4::splat(value); 16]);
-    let residual = [(256 | 256 << 9 | 256 << 18) | 16u32 << 27; 16];
     let resources = Resources::new(gpu())
         .bytes("view", &eye.uniform())
         .uniform("parameters", &PARAMETERS)
         .texture("surface_texture", TextureFormat::Rg32Uint, [4, 4, 1], false, bytemuck::cast_slice(&gbuffer.surface))
-        .texture("residual", TextureFormat::R32Uint, [4, 4, 1], false, bytemuck::cast_slice(&residual))
+        .texture("residual", TextureFormat::Rgba16Float, [4, 4, 1], false, &light(1.0))
         .texture("deferred_texture", TextureFormat::Rgba32Uint, [4, 4, 1], false, bytemuck::cast_slice(&deferred))
         .texture("direct_diffuse", TextureFormat::Rgba16Float, [4, 4, 1], false, &light(3.0))
         .texture("indirect", TextureFormat::Rgba16Float, [4, 4, 1], false, &light(10.0))
@@ -454,7 +578,6 @@ fn the_parts_add_up_and_every_setting_is_live() {
     println!("residual {:.2} % of the bounced light", 100.0 * share);
     assert!((0.002..0.3).contains(&share), "{share} of the light is given back");
     assert!(whole == isolated(&mut stage, GiIsolate::Indirect), "going back gives another picture");
-
     let mut picture = |ssbc| {
         stage.light_by(illumination(settings(512, ssbc)));
         stage.settled_picture()
@@ -471,9 +594,18 @@ fn the_parts_add_up_and_every_setting_is_live() {
         let metrics = Metrics::new(&picture(ssbc), &whole).expect("sizes are equal");
         println!("{name}: {metrics:?}");
         assert!(metrics.nrmse > 1e-5, "{name} has no effect");
-        assert!(metrics.nonfinite == 0 && metrics.nrmse < 0.1, "{name} changes the picture: {metrics:?}");
+        assert!(metrics.nonfinite == 0 && metrics.low < 0.05, "{name} changes the picture: {metrics:?}");
     }
     assert!(whole == picture(default), "a setting left something behind");
+
+    let mut residual = |resolution| {
+        let sharp = SsbcSettings { resolution, blur: false, ..default };
+        stage.light_by(illumination(settings(512, sharp)));
+        isolated(&mut stage, GiIsolate::Residual)
+    };
+    let metrics = Metrics::new(&residual(Resolution::Half), &residual(Resolution::Full)).expect("sizes are equal");
+    println!("half resolution against full: {metrics:?}");
+    assert!((metrics.energy - 1.0).abs() < 0.05, "without repairs a tenth would be missing: {metrics:?}");
 }
 
 fn add(a: [f32; 3], b: [f32; 3]) -> [f32; 3] {
@@ -542,40 +674,38 @@ fn corners_are_nearer_to_the_reference() {
     assert!(compensated.low < bounded.low && compensated.nrmse < bounded.nrmse, "{bounded:?}, {compensated:?}");
 }
 
-/// With as many bounces as the reference has and each frame by itself: without compensation and with two.
-fn compensated(settings: GiSettings) -> Option<[Metrics; 2]> {
-    let by = |iterations| {
+/// The largest scale of the bound there is. At a seam a bound takes by the inverse of its root: this one a tenth.
+const LARGEST: f32 = 100.0;
+
+/// With as many bounces as the reference has and each frame by itself: without compensation, with two iterations, and with a
+/// larger bound.
+fn compensated(settings: GiSettings) -> Option<[Metrics; 3]> {
+    let by = |iterations, bound| {
         let ssbc = SsbcSettings { iterations, ..default() };
-        GiSettings { bounces: 8, history: 0, ssbc, ..settings }
+        GiSettings { bounces: 8, history: 0, bound, ssbc, ..settings }
     };
-    let (mut stage, reference) = corner(by(0))?;
-    Some([0, 2].map(|iterations| {
-        stage.light_by(illumination(by(iterations)));
+    let (mut stage, reference) = corner(by(0, settings.bound))?;
+    Some([(0, settings.bound), (2, settings.bound), (0, LARGEST)].map(|(iterations, bound)| {
+        stage.light_by(illumination(by(iterations, bound)));
         let metrics = Metrics::new(&stage.settled_picture(), &reference).expect("sizes are equal");
-        println!("{iterations} iterations: {metrics:?}");
+        println!("{iterations} iterations, bound {bound}: {metrics:?}");
         metrics
     }))
 }
 
-/// Share of the energy that was missing which is there afterwards.
-fn given_back([bounded, compensated]: &[Metrics; 2]) -> f64 {
-    1.0 - (1.0 - compensated.energy) / (1.0 - bounded.energy)
-}
-
+/// Nearly all that the bound took is there again, and no more, for few lights and for many, of which it takes little. The rest
+/// that lacks to the reference is not the bound's: the edge of its spot light fades linearly, that of Bevy's with the square, so
+/// that this lamp sends 1.6 % less.
 #[test]
-fn corners_get_back_half_of_what_they_lost() {
-    // Of few lights the bound takes much.
+fn corners_get_back_what_they_lost() {
     let few = GiSettings { vpls: 1024, resolution: Resolution::Full, ..default() };
-    let Some(metrics) = compensated(few) else { return };
-    let [bounded, compensated] = metrics;
-    assert!(compensated.low < 0.65 * bounded.low && compensated.flip < bounded.flip, "{metrics:?}");
-    assert!(given_back(&metrics) > 0.5, "{metrics:?}");
-}
-
-#[test]
-fn corners_get_back_most_of_what_they_lost() {
-    let Some(metrics) = compensated(GiSettings::default()) else { return };
-    let [bounded, compensated] = &metrics;
-    assert!(compensated.low < bounded.low, "{metrics:?}");
-    assert!(given_back(&metrics) >= 0.7, "{metrics:?}");
+    for settings in [few, GiSettings::default()] {
+        let Some([bounded, compensated, unbounded]) = compensated(settings) else { return };
+        let taken = (unbounded.energy - bounded.energy) / f64::from(1.0 - LARGEST.sqrt().recip());
+        let given_back = (compensated.energy - bounded.energy) / taken;
+        println!("{:.1} % given back of the {:.1} % that were taken", 100.0 * given_back, 100.0 * taken);
+        assert!(taken > 0.01 && (0.8..1.05).contains(&given_back), "{bounded:?}, {compensated:?}, {unbounded:?}");
+        assert!(compensated.low < 0.9 * bounded.low && compensated.flip < bounded.flip, "{bounded:?}, {compensated:?}");
+        assert!(compensated.low < 0.8 * unbounded.low && compensated.flip < unbounded.flip, "the singularity is back");
+    }
 }

@@ -14,12 +14,16 @@
 //! 2. `reduce`, twice: six levels of the same above the pixels, each texel marked where an edge runs through it.
 //! 3. `gather`: a descent through the levels at each pixel, or at each fourth, from the few texels that hold all that can be
 //!    above the bound; pixels next to the receiver as the polygons that they show, up to the seam with its surface.
-//! 4. `blur`: the mean over a tent as wide as that through which the interleaved sub-images of bounded light go. Right at a
-//!    seam bounded light is too bright by what it got from pixels farther off, and there is too little of it beside the
-//!    seam; the residual is the reverse, once it went the same way.
-//! 5. At half resolution `spread`: upsampled among samples of one surface; and `repair`: integrated anew at the pixels where
-//!    that fails and something was found near, from a list of them. Those are not blurred: a seam may show as a bright line
-//!    one pixel wide, in pieces where it crosses rows.
+//! 4. `blur_rows`, `blur_columns`: at every pixel the mean over the tent through which the interleaved sub-images of bounded
+//!    light go. Right at a seam bounded light is too bright by what it got from pixels farther off, and there is too little of
+//!    it beside the seam; the residual is the reverse, once it went the same way. Where both
+//!    are of one resolution they are taken at the same samples, too: what either misses because a seam passes between two of
+//!    them, the other has left over. So its own energy is not that of the residual at all pixels; that of the sum is right.
+//! 5. At half resolution `repair`: integrated anew, and not blurred, at the pixels for which that finds too few samples of their
+//!    surface, from a list of them.
+//!
+//! Without [`SsbcSettings::blur`], number 4 is `spread` at half resolution: upsampled among samples of one surface, and more
+//! pixels on the list; and nothing at full resolution.
 //!
 //! Then `apply` adds the residual to the bounced light.
 //!
@@ -28,9 +32,9 @@
 //! | texture | bytes at 1280x720 | holds |
 //! |---|---|---|
 //! | `hierarchy` | 20 MiB | levels of 1 to 64 pixels a texel: see `ssbc/hierarchy.wgsl` |
-//! | `residual` | 3.5 MiB, at half resolution 0.9 MiB | irradiance over pi that is added, rgb9e5 |
-//! | `blurred` | as much, unless [`SsbcSettings::blur`] is off | the same, blurred |
-//! | `spread`, `repairs` | 3.5 MiB each at half resolution | the same at every pixel; the pixels where it is integrated anew |
+//! | `residual` | 7 MiB, at half resolution 1.8 MiB | irradiance over pi that is added, rgba16float |
+//! | `at_pixels` | 7 MiB, unless it is neither blurred nor of half resolution | the same at every pixel |
+//! | `repairs` | 3.5 MiB at half resolution | the pixels where it is integrated anew |
 //!
 //! # Where it differs from the paper
 //!

@@ -13,7 +13,7 @@ use bevy_bounce_shaders::types::SSBC_REPAIR_HEADER;
 
 use super::SsbcTextures;
 use super::pipelines::SsbcPipelines;
-use super::prepare::Spread;
+use super::prepare::AtPixels;
 use crate::GiIsolate;
 use crate::avg::VoxelGrid;
 use crate::compute::{bind_group, whole};
@@ -41,16 +41,23 @@ struct Groups {
     radiance: [BindGroup; 2],
     reduce: [BindGroup; 2],
     gather: BindGroup,
-    blur: Option<BindGroup>,
-    spread: Option<SpreadGroups>,
+    at_pixels: Option<AtPixelsGroups>,
     apply: BindGroup,
 }
 
 /// Bind groups of those between the residual at its own texels and at every pixel, and their list.
-struct SpreadGroups {
-    spread: BindGroup,
-    repair: BindGroup,
+struct AtPixelsGroups {
+    to_pixels: ToPixels,
     repairs: Buffer,
+    repair: Option<BindGroup>,
+}
+
+/// The way from the residual's texels to pixels.
+enum ToPixels {
+    /// Blurred along rows, then along columns.
+    Blur([BindGroup; 2]),
+    /// As it is.
+    Spread(BindGroup),
 }
 
 fn texture(view: &TextureView) -> BindingResource<'_> {
@@ -81,24 +88,27 @@ impl<'a> Inputs<'a> {
             texture(&ours.levels[0]),
         ]);
         let [from_pixels, from_level] = [0, LEVELS_AT_ONCE].map(|below| self.with(levels(below, 1 + LEVELS_AT_ONCE)));
-        let spread = |to: &'a Spread| {
-            let sampled = [texture(ours.sampled()), texture(&to.residual), whole(&to.repairs)];
+        let at_pixels = |to: &'a AtPixels| {
+            let listing = |from| self.with([texture(from), texture(&to.residual), whole(&to.repairs)]);
+            let to_pixels = if ours.is_blurred {
+                let rows = &textures.interleaved;
+                ToPixels::Blur([
+                    p.blur_rows.bind(device, cache, &self.with([texture(&ours.residual), texture(rows)])),
+                    p.blur_columns.bind(device, cache, &listing(rows)),
+                ])
+            } else {
+                ToPixels::Spread(p.spread.bind(device, cache, &listing(&ours.residual)))
+            };
             let integrand = self.integrand(&to.residual).into_iter().chain([whole(&to.repairs)]);
-            SpreadGroups {
-                spread: p.spread.bind(device, cache, &self.with(sampled)),
-                repair: p.repair.bind(device, cache, &integrand.collect::<Vec<_>>()),
-                repairs: to.repairs.clone(),
-            }
+            let integrand = to.is_repaired.then(|| integrand.collect::<Vec<_>>());
+            let repair = integrand.map(|integrand| p.repair.bind(device, cache, &integrand));
+            AtPixelsGroups { to_pixels, repairs: to.repairs.clone(), repair }
         };
         Groups {
             radiance: [0, 1].map(|i| p.radiance[i].bind(device, cache, &radiance)),
             reduce: [p.reduce[0].bind(device, cache, &from_pixels), p.reduce[1].bind(device, cache, &from_level)],
             gather: p.gather.bind(device, cache, &self.integrand(&ours.residual)),
-            blur: ours
-                .blurred
-                .as_ref()
-                .map(|blurred| p.blur.bind(device, cache, &self.with([texture(&ours.residual), texture(blurred)]))),
-            spread: ours.spread.as_ref().map(spread),
+            at_pixels: ours.at_pixels.as_ref().map(at_pixels),
             apply: bind_group(device, cache, &p.apply_layout, &[texture(ours.result())]),
         }
     }
@@ -118,13 +128,18 @@ fn iterate(
     p.reduce[0].dispatch(encoder, cache, &[&groups.reduce[0]], view.low_levels);
     p.reduce[1].dispatch(encoder, cache, &[&groups.reduce[1]], view.high_levels);
     p.gather.dispatch(encoder, cache, &[&groups.gather], view.residual);
-    if let Some(blur) = &groups.blur {
-        p.blur.dispatch(encoder, cache, &[blur], view.residual);
-    }
-    if let Some(SpreadGroups { spread, repair, repairs }) = &groups.spread {
+    if let Some(AtPixelsGroups { to_pixels, repairs, repair }) = &groups.at_pixels {
         encoder.clear_buffer(repairs, 0, Some(u64::from(4 * SSBC_REPAIR_HEADER)));
-        p.spread.dispatch(encoder, cache, &[spread], view.residual);
-        p.repair.dispatch_indirect(encoder, cache, &[repair], repairs);
+        match to_pixels {
+            ToPixels::Blur([rows, columns]) => {
+                p.blur_rows.dispatch(encoder, cache, &[rows], view.rows);
+                p.blur_columns.dispatch(encoder, cache, &[columns], view.pixels);
+            }
+            ToPixels::Spread(spread) => p.spread.dispatch(encoder, cache, &[spread], view.residual),
+        }
+        if let Some(repair) = repair {
+            p.repair.dispatch_indirect(encoder, cache, &[repair], repairs);
+        }
     }
 }
 
@@ -134,6 +149,7 @@ struct Sizes {
     low_levels: UVec3,
     high_levels: UVec3,
     residual: UVec3,
+    rows: UVec3,
 }
 
 impl Sizes {
@@ -144,6 +160,7 @@ impl Sizes {
             low_levels: groups(ours.level_size(1)),
             high_levels: groups(ours.level_size(1 + LEVELS_AT_ONCE as u32)),
             residual: groups(ours.residual_size),
+            rows: groups(ours.residual_size.with_x(textures.size.x)),
         }
     }
 }

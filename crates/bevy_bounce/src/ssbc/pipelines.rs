@@ -21,8 +21,9 @@ pub(super) struct SsbcPipelines {
     /// From the pixels, then from the level in the middle.
     pub reduce: [Kernel; 2],
     pub gather: Kernel,
-    pub blur: Kernel,
     pub spread: Kernel,
+    pub blur_rows: Kernel,
+    pub blur_columns: Kernel,
     pub repair: Kernel,
     /// Adds the residual to its target.
     pub apply: CachedRenderPipelineId,
@@ -33,7 +34,7 @@ pub(super) struct SsbcPipelines {
 impl SsbcPipelines {
     /// Whether all are compiled.
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
-        let others = [&self.gather, &self.blur, &self.spread, &self.repair];
+        let others = [&self.gather, &self.spread, &self.blur_rows, &self.blur_columns, &self.repair];
         let kernels = self.radiance.iter().chain(&self.reduce).chain(others);
         kernels.into_iter().all(|kernel| kernel.is_ready(cache)) && cache.get_render_pipeline(self.apply).is_some()
     }
@@ -50,25 +51,27 @@ pub(super) fn init_pipelines(
     let words = texture_2d(TextureSampleType::Uint);
     let light = texture_2d(TextureSampleType::Float { filterable: false });
     let write = |format| texture_storage_2d(format, StorageTextureAccess::WriteOnly);
-    let (node, residual) = (write(TextureFormat::Rgba32Uint), write(TextureFormat::R32Uint));
+    let (node, residual) = (write(TextureFormat::Rgba32Uint), write(TextureFormat::Rgba16Float));
     let kernel = |path, entry, bindings: &[_], defs: &[&str]| {
         let defs = defs.iter().map(|def| (*def).into()).collect();
         Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs })
     };
     // View, parameters, surface, residual; G-buffer, direct diffuse, bounced light; lowest level.
-    let radiance = [uniform, uniform, words, words, words, light, light, node];
+    let radiance = [uniform, uniform, words, light, words, light, light, node];
     // View, parameters, surface, level below; three levels.
     let reduce = [uniform, uniform, words, words, node, node, node];
     // View, parameters, surface, residual; header, grid, densities, levels.
     let gather = [uniform, uniform, words, residual, list, uniform, list, words];
     // The same; pixels to repair.
     let repair = [uniform, uniform, words, residual, list, uniform, list, words, list];
-    // View, parameters, surface, residual; blurred.
-    let blur = [uniform, uniform, words, words, residual];
-    // View, parameters, surface, residual; spread, pixels to repair.
-    let spread = [uniform, uniform, words, words, residual, growing_list];
+    // View, parameters, surface, residual; at every pixel, pixels to repair.
+    let spread = [uniform, uniform, words, light, residual, growing_list];
+    // View, parameters, surface, residual; means along rows.
+    let blur_rows = [uniform, uniform, words, light, residual];
+    // View, parameters, surface, means along rows; means, pixels to repair.
+    let blur_columns = spread;
 
-    let apply_layout = BindGroupLayoutDescriptor::new("bounce_ssbc_apply", &[words.build(0, ShaderStages::FRAGMENT)]);
+    let apply_layout = BindGroupLayoutDescriptor::new("bounce_ssbc_apply", &[light.build(0, ShaderStages::FRAGMENT)]);
     let apply = cache.queue_render_pipeline(RenderPipelineDescriptor {
         label: Some("bounce_ssbc_apply".into()),
         layout: vec![apply_layout.clone()],
@@ -95,8 +98,9 @@ pub(super) fn init_pipelines(
             kernel("ssbc/reduce.wgsl", "reduce", &reduce, &[]),
         ],
         gather: kernel("ssbc/gather.wgsl", "gather", &gather, &[]),
-        blur: kernel("ssbc/blur.wgsl", "blur", &blur, &[]),
         spread: kernel("ssbc/spread.wgsl", "spread", &spread, &[]),
+        blur_rows: kernel("ssbc/blur.wgsl", "blur_rows", &blur_rows, &[]),
+        blur_columns: kernel("ssbc/blur.wgsl", "blur_columns", &blur_columns, &[]),
         repair: kernel("ssbc/repair.wgsl", "repair", &repair, &[]),
         apply,
         apply_layout,

@@ -6,7 +6,7 @@ use bevy::render::render_resource::{
     TextureUsages, TextureView, TextureViewDescriptor, UniformBuffer,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy_bounce_shaders::types::{SSBC_BLUR_REACH, SSBC_LEVELS, SSBC_REPAIR_HEADER, SsbcParameters};
+use bevy_bounce_shaders::types::{SSBC_LEVELS, SSBC_REPAIR_HEADER, SsbcParameters, TENT_REACH};
 
 use super::SsbcSettings;
 use crate::view::{GiView, ViewTextures};
@@ -16,8 +16,12 @@ use crate::{GiSettings, Resolution};
 const LEVELS: u32 = 1 + SSBC_LEVELS;
 /// Bytes of a texel of the hierarchy.
 const NODE_BYTES: u64 = 16;
-/// Bytes of a texel of the residual, and of a pixel in the list of repairs.
-const RESIDUAL_BYTES: u64 = 4;
+/// Irradiance over pi, pre-exposed; alpha is 1.
+const RESIDUAL_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
+/// Bytes of a texel of it.
+const RESIDUAL_BYTES: u64 = 8;
+/// Bytes of a pixel in the list of repairs.
+const REPAIR_BYTES: u64 = 4;
 
 /// What a view with bias compensation holds; kept from frame to frame, made anew when size or settings change.
 #[derive(Component)]
@@ -31,33 +35,41 @@ pub(crate) struct SsbcTextures {
     pub levels: Vec<TextureView>,
     /// What is added to the bounced light.
     pub residual: TextureView,
-    /// The same, blurred.
-    pub blurred: Option<TextureView>,
     /// Size of the residual.
     pub residual_size: UVec2,
-    /// What a residual of fewer texels than pixels needs.
-    pub spread: Option<Spread>,
+    /// What a residual needs that is blurred, or has fewer texels than there are pixels.
+    pub at_pixels: Option<AtPixels>,
+    /// Whether it is blurred.
+    pub is_blurred: bool,
 }
 
-/// The residual at every pixel.
-pub(crate) struct Spread {
-    /// Like the residual, of as many texels as the view has pixels.
+/// The residual as it is added.
+pub(crate) struct AtPixels {
+    /// Of as many texels as the view has pixels.
     pub residual: TextureView,
     /// Pixels at which it is integrated anew; see `ssbc/repairs.wgsl`.
     pub repairs: Buffer,
+    /// Whether there may be any.
+    pub is_repaired: bool,
 }
 
-impl Spread {
-    fn new(device: &RenderDevice, size: UVec2) -> Self {
+impl AtPixels {
+    fn new(device: &RenderDevice, size: UVec2, is_repaired: bool) -> Self {
         Self {
-            residual: whole(&texture(device, "bounce_ssbc_spread", size, 1, TextureFormat::R32Uint)),
+            residual: whole(&texture(device, "bounce_ssbc_at_pixels", size, 1, RESIDUAL_FORMAT)),
             repairs: device.create_buffer(&BufferDescriptor {
                 label: Some("bounce_ssbc_repairs"),
-                size: repair_bytes(size),
+                size: repair_bytes(size, is_repaired),
                 usage: BufferUsages::STORAGE | BufferUsages::INDIRECT | BufferUsages::COPY_DST,
                 mapped_at_creation: false,
             }),
+            is_repaired,
         }
+    }
+
+    /// Bytes on the GPU.
+    fn bytes(&self, size: UVec2) -> u64 {
+        texels(size) * RESIDUAL_BYTES + self.repairs.size()
     }
 }
 
@@ -68,7 +80,6 @@ impl SsbcTextures {
         let residual_size = size.map(|pixels| pixels.div_ceil(scale));
         let hierarchy =
             texture(device, "bounce_ssbc_hierarchy", hierarchy_size(size), LEVELS, TextureFormat::Rgba32Uint);
-        let residual = |label| whole(&texture(device, label, residual_size, 1, TextureFormat::R32Uint));
         let level = |level| {
             hierarchy.create_view(&TextureViewDescriptor {
                 base_mip_level: level,
@@ -83,21 +94,16 @@ impl SsbcTextures {
             parameters,
             hierarchy: whole(&hierarchy),
             levels: (0..LEVELS).map(level).collect(),
-            residual: residual("bounce_ssbc_residual"),
-            blurred: settings.blur.then(|| residual("bounce_ssbc_blurred")),
+            residual: whole(&texture(device, "bounce_ssbc_residual", residual_size, 1, RESIDUAL_FORMAT)),
             residual_size,
-            spread: (scale > 1).then(|| Spread::new(device, size)),
+            at_pixels: (scale > 1 || settings.blur).then(|| AtPixels::new(device, size, scale > 1)),
+            is_blurred: settings.blur,
         }
     }
 
-    /// What is added at each pixel.
+    /// The residual at each pixel.
     pub fn result(&self) -> &TextureView {
-        self.spread.as_ref().map_or(self.sampled(), |spread| &spread.residual)
-    }
-
-    /// The last residual at its own texels.
-    pub fn sampled(&self) -> &TextureView {
-        self.blurred.as_ref().unwrap_or(&self.residual)
+        self.at_pixels.as_ref().map_or(&self.residual, |at_pixels| &at_pixels.residual)
     }
 
     /// Texels of a mip level of the hierarchy.
@@ -108,10 +114,9 @@ impl SsbcTextures {
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> [(&'static str, u64); 2] {
         let hierarchy: u64 = (0..LEVELS).map(|level| texels(self.level_size(level)) * NODE_BYTES).sum();
-        let residuals = (1 + u64::from(self.blurred.is_some())) * texels(self.residual_size) * RESIDUAL_BYTES;
         let size = self.key.0;
-        let spread = self.spread.as_ref().map_or(0, |_| texels(size) * RESIDUAL_BYTES + repair_bytes(size));
-        [("ssbc: hierarchy", hierarchy), ("ssbc: residual", residuals + spread)]
+        let at_pixels = self.at_pixels.as_ref().map_or(0, |at_pixels| at_pixels.bytes(size));
+        [("ssbc: hierarchy", hierarchy), ("ssbc: residual", texels(self.residual_size) * RESIDUAL_BYTES + at_pixels)]
     }
 }
 
@@ -119,9 +124,10 @@ fn texels(size: UVec2) -> u64 {
     u64::from(size.x) * u64::from(size.y)
 }
 
-/// Of a list that holds every pixel.
-fn repair_bytes(size: UVec2) -> u64 {
-    (u64::from(SSBC_REPAIR_HEADER) + texels(size)) * RESIDUAL_BYTES
+/// Of a list that holds every pixel, or none.
+fn repair_bytes(size: UVec2, is_repaired: bool) -> u64 {
+    let pixels = if is_repaired { texels(size) } else { 0 };
+    (u64::from(SSBC_REPAIR_HEADER) + pixels) * REPAIR_BYTES
 }
 
 /// What sizes and number of the textures follow from.
@@ -146,12 +152,11 @@ impl Asked {
     fn parameters(&self) -> SsbcParameters {
         let scale = self.settings.resolution.pixels_a_texel();
         // Bounded light is the mean over as many of its own texels.
-        let reach = SSBC_BLUR_REACH * self.shaded.pixels_a_texel() / scale;
         SsbcParameters {
             solid_angle: self.settings.solid_angle,
             edge_solid_angle: self.settings.edge_solid_angle,
             scale,
-            reach: reach.min(SSBC_BLUR_REACH),
+            reach: TENT_REACH * self.shaded.pixels_a_texel() / scale,
         }
     }
 }
@@ -207,5 +212,23 @@ pub(super) fn prepare_textures(
             }
             (None, None) => {}
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Of either resolution: half of the tent of bounded light is four of its own texels wide.
+    #[test]
+    fn the_tent_is_as_wide_as_that_of_bounded_light() {
+        let reach = |shaded, resolution| {
+            let parameters = Asked { settings: SsbcSettings { resolution, ..default() }, shaded }.parameters();
+            (parameters.scale, parameters.reach)
+        };
+        assert_eq!(reach(Resolution::Full, Resolution::Full), (1, 4));
+        assert_eq!(reach(Resolution::Half, Resolution::Half), (2, 4));
+        assert_eq!(reach(Resolution::Half, Resolution::Full), (1, 8));
+        assert_eq!(reach(Resolution::Full, Resolution::Half), (2, 2));
     }
 }
