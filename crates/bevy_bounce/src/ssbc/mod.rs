@@ -86,7 +86,7 @@ pub struct SsbcSettings {
     /// Pixels at which it is integrated.
     pub resolution: Resolution,
     /// Blurs the result within surfaces as widely as bounded light is, which is the mean of several pixels': without it,
-    /// seams glow, and a pixel beside them lacks light. Costs about a fifth of an iteration.
+    /// seams glow, and a pixel beside them lacks light. Costs each iteration what joining the sub-images of bounded light does.
     pub blur: bool,
 }
 
