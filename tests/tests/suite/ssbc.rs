@@ -358,7 +358,9 @@ fn spread(shapes: &[(Shape, Vec3)], bound: f32) -> (usize, f32) {
     run(gpu(), "ssbc/repair.wgsl", "repair", &resources, [repair_groups, 1, 1]);
     let spread = light(&resources, "spread");
     for (i, pixel) in pixels(eye.size).enumerate() {
-        if listed.contains(&i) || pixel % 2 == UVec2::ZERO {
+        if listed.contains(&i) {
+            assert_eq!(spread[i], exact[i], "{pixel}");
+        } else if pixel % 2 == UVec2::ZERO {
             assert!((spread[i] - exact[i]).abs().max_element() <= 2e-3 * exact[i].max_element(), "{pixel}");
         }
     }
@@ -699,13 +701,13 @@ fn compensated(settings: GiSettings) -> Option<[Metrics; 3]> {
 #[test]
 fn corners_get_back_what_they_lost() {
     let few = GiSettings { vpls: 1024, resolution: Resolution::Full, ..default() };
-    for settings in [few, GiSettings::default()] {
+    for (settings, low) in [(few, 0.65), (GiSettings::default(), 0.9)] {
         let Some([bounded, compensated, unbounded]) = compensated(settings) else { return };
         let taken = (unbounded.energy - bounded.energy) / f64::from(1.0 - LARGEST.sqrt().recip());
         let given_back = (compensated.energy - bounded.energy) / taken;
         println!("{:.1} % given back of the {:.1} % that were taken", 100.0 * given_back, 100.0 * taken);
         assert!(taken > 0.01 && (0.8..1.05).contains(&given_back), "{bounded:?}, {compensated:?}, {unbounded:?}");
-        assert!(compensated.low < 0.9 * bounded.low && compensated.flip < bounded.flip, "{bounded:?}, {compensated:?}");
+        assert!(compensated.low < low * bounded.low && compensated.flip < bounded.flip, "{bounded:?}, {compensated:?}");
         assert!(compensated.low < 0.8 * unbounded.low && compensated.flip < unbounded.flip, "the singularity is back");
     }
 }

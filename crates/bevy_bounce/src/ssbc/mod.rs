@@ -16,9 +16,9 @@
 //!    above the bound; pixels next to the receiver as the polygons that they show, up to the seam with its surface.
 //! 4. `blur_rows`, `blur_columns`: at every pixel the mean over the tent through which the interleaved sub-images of bounded
 //!    light go. Right at a seam bounded light is too bright by what it got from pixels farther off, and there is too little of
-//!    it beside the seam; the residual is the reverse, once it went the same way. Where both
-//!    are of one resolution they are taken at the same samples, too: what either misses because a seam passes between two of
-//!    them, the other has left over. So its own energy is not that of the residual at all pixels; that of the sum is right.
+//!    it beside the seam; the residual is the reverse, once it went the same way. Where both are of one
+//!    resolution they are taken at the same samples, too: what either misses because a seam passes between two of them, the
+//!    other has left over. So its own energy is not that of the residual at all pixels; that of the sum is right.
 //! 5. At half resolution `repair`: integrated anew, and not blurred, at the pixels for which that finds too few samples of their
 //!    surface, from a list of them.
 //!
