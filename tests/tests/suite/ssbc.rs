@@ -596,7 +596,10 @@ fn the_parts_add_up_and_every_setting_is_live() {
         let metrics = Metrics::new(&picture(ssbc), &whole).expect("sizes are equal");
         println!("{name}: {metrics:?}");
         assert!(metrics.nrmse > 1e-5, "{name} has no effect");
-        assert!(metrics.nonfinite == 0 && metrics.low < 0.05, "{name} changes the picture: {metrics:?}");
+        // The blur moves light by pixels.
+        let most = if name == "blur" { 0.15 } else { 0.1 };
+        let is_near = metrics.nrmse < most && metrics.low < 0.05;
+        assert!(metrics.nonfinite == 0 && is_near, "{name} changes the picture: {metrics:?}");
     }
     assert!(whole == picture(default), "a setting left something behind");
 
