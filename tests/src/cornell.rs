@@ -86,15 +86,28 @@ fn radiance(mut origin: Vec3, mut ray: Vec3, random: &mut Random) -> Vec3 {
     light
 }
 
+/// A direction by the phase function of Henyey and Greenstein about another; its cosine by the inverse of the cumulative distribution (Pharr et
+/// al., "Physically Based Rendering", 11.3).
+fn henyey_greenstein(about: Vec3, g: f32, random: &mut Random) -> Vec3 {
+    let u = random.unit();
+    let cosine = if g == 0.0 {
+        1.0 - 2.0 * u
+    } else {
+        let ratio = (1.0 - g * g) / (1.0 - g + 2.0 * g * u);
+        ((1.0 + g * g - ratio * ratio) / (2.0 * g)).clamp(-1.0, 1.0)
+    };
+    let (right, up) = about.any_orthonormal_pair();
+    let around = Vec2::from_angle(std::f32::consts::TAU * random.unit()) * (1.0 - cosine * cosine).sqrt();
+    right * around.x + up * around.y + about * cosine
+}
+
 /// Mean of the bounced radiance from all directions at a point in the air, weighted by the phase function of Henyey and Greenstein for
-/// light that goes on along `view`.
+/// light that goes on against `view`.
 pub fn scattered(at: Vec3, view: Vec3, asymmetry: f32, paths: u32, random: &mut Random) -> Vec3 {
     let mut sum = Vec3::ZERO;
     for _ in 0..paths {
-        let direction = random.direction();
-        let g = asymmetry;
-        let phase = (1.0 - g * g) / (1.0 + g * g - 2.0 * g * direction.dot(view)).powf(1.5);
-        sum += phase * radiance(at, direction, random);
+        let direction = henyey_greenstein(view, asymmetry, random);
+        sum += radiance(at, direction, random);
     }
     sum / paths as f32
 }

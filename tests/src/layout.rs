@@ -79,6 +79,7 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         RadianceCache,
         ProbeParameters,
         FogParameters,
+        FroxelParameters,
         ProbePlace,
     ];
     let fields = struct_fields(&types_text());

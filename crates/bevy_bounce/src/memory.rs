@@ -38,7 +38,7 @@ pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let items = items.chain(compensated.iter(render_world).flat_map(SsbcTextures::bytes));
     let items = items.chain(cached.iter(render_world).flat_map(CacheBuffers::bytes));
     let items = items.chain(resting.iter(render_world).flat_map(PixelLight::bytes));
-    let items = items.chain(fogs.iter(render_world).filter_map(LitFog::bytes));
+    let items = items.chain(fogs.iter(render_world).flat_map(LitFog::bytes));
     let items = items.chain(kept.iter(render_world).flat_map(History::bytes));
     let mut memory = BTreeMap::new();
     for (name, bytes) in items {

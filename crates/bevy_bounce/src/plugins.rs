@@ -23,7 +23,7 @@ use crate::{
 /// | [`VplPlugin`] | virtual point lights | nothing bounces |
 /// | [`ShadowAtlasPlugin`] | what virtual point lights see | they see by rays through the grid |
 /// | [`ProbeVolumePlugin`] | bounced light on transparent and forward-rendered surfaces | none there |
-/// | [`GiFogPlugin`] | bounced light in volumetric fog, from those probes | Bevy's ambient term there |
+/// | [`GiFogPlugin`] | bounced light in volumetric fog | Bevy's ambient term there |
 /// | [`InterleavedShadingPlugin`] | indirect light per pixel | nothing bounces |
 /// | [`SsbcPlugin`] | gives back what bounding took from the indirect light | corners are darker |
 /// | [`RadianceCachePlugin`] | glossy light; `Technique::RadianceCache` | neither |

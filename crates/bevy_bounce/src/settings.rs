@@ -97,9 +97,9 @@ pub struct GiSettings {
     /// gives back what a low one takes, as far as the camera sees it.
     #[reflect(@0.01..=100.0_f32)]
     pub bound: f32,
-    /// Light probes along the scene's longest axis, for what is not in the G-buffer: transparent and forward-rendered surfaces, volumetric
-    /// fog. 0 for none, or 4 to 64. Their light is as fine as they are near each other; cost and memory grow with the cube. In frames
-    /// without any of these they cost no time.
+    /// Light probes along the scene's longest axis, for what is not in the G-buffer: transparent and forward-rendered surfaces; and half the froxels along
+    /// the picture's, for volumetric fog. 0 for none, or 4 to 64. Their light is as fine as they are near each other; cost and memory grow with the
+    /// cube. In frames without any of these they cost no time.
     #[reflect(@0..=64_u32)]
     pub probes: u32,
     /// Directions from which the sky's light comes, for the whole picture: 0 to 256, a multiple of 16. The sky is what the camera's

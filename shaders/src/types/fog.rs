@@ -1,6 +1,6 @@
 //! Volumetric fog.
 
-use bevy::math::{Mat4, Vec3};
+use bevy::math::{Mat4, UVec3, Vec3};
 use bevy::render::render_resource::ShaderType;
 
 /// A volume of fog as a view marches through it.
@@ -20,12 +20,23 @@ pub struct FogParameters {
     pub absorption: f32,
     /// Light that it scatters.
     pub scattering: f32,
-    /// Mean cosine of the angle by which it scatters.
-    pub asymmetry: f32,
     /// World units from the volume's centre to its corners.
     pub radius: f32,
     /// Steps of a ray.
     pub steps: u32,
     /// World units by which a ray's start is moved at most.
     pub jitter: f32,
+}
+
+/// Lattice in the space of a view at which it is known what fog scatters to the eye; see `fog/types.wgsl`.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct FroxelParameters {
+    /// Columns, rows, slices.
+    pub dims: UVec3,
+    /// Mean cosine of the angle by which fog scatters.
+    pub asymmetry: f32,
+    /// World units from the eye to the first slice, or from its plane where rays are parallel.
+    pub near: f32,
+    /// From there to the far side of the last.
+    pub extent: f32,
 }

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::Exposure;
+use bevy::ecs::system::RunSystemOnce;
 use bevy::image::ImageSampler;
 use bevy::light::{FogVolume, VolumetricFog, VolumetricLight};
 use bevy::prelude::*;
@@ -150,17 +151,24 @@ fn furnace_is_even(forward: bool) {
     let texture = half_full(&mut stage);
     let textured = FogVolume { density_texture: Some(texture), ..fog(3.0 * FOG) };
     let forwards = FogVolume { scattering_asymmetry: 0.8, ..fog(3.0 * FOG) };
-    for (name, volumes) in [
-        ("within", vec![(fog(FOG), within)]),
-        ("outside, turned, forwards", vec![(forwards, turned)]),
-        ("a texture", vec![(textured, before)]),
+    // Where one direction counts, few of the lights do.
+    let many = GiSettings { vpls: 8192, ..FURNACE };
+    for (name, volumes, settings, tolerance) in [
+        ("within", vec![(fog(FOG), within)], FURNACE, 0.04),
+        ("outside, turned, forwards", vec![(forwards, turned)], many, 0.15),
+        ("a texture", vec![(textured, before)], FURNACE, 0.06),
         // As much is lost on the way to each.
-        ("two", vec![(fog(FOG), within), (fog(FOG), within.with_translation(Vec3::new(0.05, 0.0, 0.1)))]),
+        (
+            "two",
+            vec![(fog(FOG), within), (fog(FOG), within.with_translation(Vec3::new(0.05, 0.0, 0.1)))],
+            FURNACE,
+            0.04,
+        ),
     ] {
         let way = on_the_way(&volumes[0].0, &volumes[0].1);
         let (absorption, scattering) = (volumes[0].0.absorption, volumes[0].0.scattering);
         let entities: Vec<_> = volumes.into_iter().map(|(fog, place)| spawn_fog(&mut stage, fog, place)).collect();
-        let found = scattered(&mut stage, FURNACE);
+        let found = scattered(&mut stage, settings);
         let whole = f64::from(EMITTED / (1.0 - ALBEDO) * scattering / (absorption + scattering)) * way;
         let mut errors: Vec<_> = found
             .light
@@ -178,7 +186,7 @@ fn furnace_is_even(forward: bool) {
             println!("  {error:+.3} at {}, {}, which takes {taken:.3}", i % SIZE.x as usize, i / SIZE.x as usize);
         }
         let worst = errors.first().map_or(1.0, |error| error.0.abs());
-        assert!(count >= 50 && mean.abs() < 0.04 && worst < 0.08, "{name}: mean {mean}, worst {worst} of {count}");
+        assert!(count >= 50 && mean.abs() < 0.03 && worst < tolerance, "{name}: mean {mean}, worst {worst} of {count}");
         for entity in entities {
             stage.world().despawn(entity);
         }
@@ -196,8 +204,51 @@ fn fog_in_a_forward_app_is_lit_too() {
     furnace_is_even(true);
 }
 
-/// What fog scatters at points in a room is what comes there on traced paths. Of what is scattered forwards, six directions know too little: at
-/// a few of them, and at 0.8, as Bevy has it, at half.
+/// In the open fog is as bright as an even sky, whatever way it scatters; in a closed room it is dark.
+#[test]
+fn fog_under_an_even_sky_is_as_bright_as_that() {
+    const RADIANCE: f32 = 200.0;
+    let settings = GiSettings { grid: 32, sky: 256, ..FEW };
+    let mut stage = stage_of(SIZE, settings, false, |app| {
+        app.add_systems(Startup, |mut build: Builder, mut images: ResMut<Assets<Image>>| {
+            let paint = build.paint([0.0; 3]);
+            build.block(Vec3::new(2.0, 0.0, -2.0), Vec3::splat(0.1), 0.0, &paint);
+            let sky = EnvironmentMapLight::solid_color(&mut images, Color::WHITE);
+            let sky = EnvironmentMapLight { intensity: RADIANCE, ..sky };
+            let eye = (Exposure { ev100: 8.0 }, Transform::from_xyz(0.0, 2.0, 2.0));
+            build.commands.spawn((Camera3d::default(), GlobalIllumination::default(), sky, eye));
+        });
+    });
+    show(&mut stage, Some(camera_fog()));
+    let place = Transform::from_xyz(0.0, 2.0, 0.0);
+    for asymmetry in [0.0, -0.5, 0.8, 1.0] {
+        let fog = FogVolume { scattering_asymmetry: asymmetry, ..fog(0.5) };
+        // A ray through it is one unit long.
+        let extinction = fog.density_factor * (fog.absorption + fog.scattering);
+        let scattered = fog.scattering / (fog.absorption + fog.scattering) * (1.0 - (-extinction).exp());
+        let expected = f64::from(RADIANCE * scattered) * on_the_way(&fog, &place);
+        let volume = spawn_fog(&mut stage, fog, place);
+        let picture = settled(&mut stage, settings);
+        let found = luminance(picture.at(SIZE.x as usize / 2, SIZE.y as usize / 2));
+        println!("asymmetry {asymmetry}: {found:.3} cd/m^2, expected {expected:.3}");
+        assert!((found / expected - 1.0).abs() < 0.05, "asymmetry {asymmetry}: {found}, expected {expected}");
+        stage.world().despawn(volume);
+    }
+    spawn_fog(&mut stage, fog(0.5), place);
+    stage.world().run_system_once(|mut build: Builder| super::sky::closed_room(&mut build)).expect("runs");
+    let lit = settled(&mut stage, settings);
+    let dark = settled(&mut stage, GiSettings { probes: 0, ..settings });
+    let scattered = |(lit, dark): (&[f32; 3], &[f32; 3])| luminance(*lit) - luminance(*dark);
+    let brightest = lit.pixels.iter().zip(&dark.pixels).map(scattered).fold(0.0, f64::max);
+    println!("in a closed room: {brightest:.4} cd/m^2");
+    assert!(brightest < 0.005 * f64::from(RADIANCE), "{brightest} cd/m^2 in a closed room");
+}
+
+/// Paths a point.
+const PATHS: u32 = 16384;
+
+/// What fog scatters at points in a room is what comes there on traced paths, whatever way it scatters; but for what comes from dim and near
+/// surfaces, where few lights lie.
 #[test]
 fn fog_at_a_point_scatters_the_light_of_that_point() {
     let size = UVec2::new(192, 108);
@@ -205,7 +256,7 @@ fn fog_at_a_point_scatters_the_light_of_that_point() {
     let mut stage = cornell_stage(size, settings);
     let eye = Transform::from_translation(CornellBox::EYE);
     let points = cornell::points_in_air(&eye, CornellBox::FIELD_OF_VIEW, size);
-    for (asymmetry, at_least) in [(0.0, 50), (0.5, 45), (0.8, 20)] {
+    for (asymmetry, at_least) in [(0.0, 50), (0.5, 48), (0.8, 46)] {
         let pieces: Vec<_> = points
             .iter()
             .map(|point| {
@@ -221,7 +272,7 @@ fn fog_at_a_point_scatters_the_light_of_that_point() {
             .zip(&pieces)
             .map(|(&PointInAir { at, x, y }, (_, whole))| {
                 let view = (at - CornellBox::EYE).normalize();
-                let expected = cornell::scattered(at, view, asymmetry, 8192, &mut random);
+                let expected = cornell::scattered(at, view, asymmetry, PATHS, &mut random);
                 let expected = luminance(expected.to_array());
                 let share = whole * found.taken[y * found.light.width + x];
                 (luminance(found.light.at(x, y)) / share / expected - 1.0, at, expected)

@@ -7,11 +7,22 @@ use bevy::render::Extract;
 use bevy::render::sync_world::RenderEntity;
 
 use super::prepare::LitFog;
-use crate::GlobalIllumination;
+use crate::{GiSettings, GlobalIllumination, VplVisibility};
+
+/// Froxels along a picture's longest axis for a probe along the scene's. With as many, some of fifty points are off by more than 15 % in the
+/// Cornell box whatever the fog.
+const FROXELS_A_PROBE: u32 = 2;
 
 /// A camera whose fog is to be lit.
 #[derive(Component)]
-pub(super) struct FogCamera;
+pub(super) struct FogCamera {
+    /// What virtual lights see fog by.
+    pub visibility: VplVisibility,
+    /// Whether the sky lights it.
+    pub sky: bool,
+    /// Froxels along the longest axis.
+    pub froxels: u32,
+}
 
 type Cameras<'w, 's> = Query<'w, 's, (RenderEntity, &'static Camera, &'static GlobalIllumination), With<VolumetricFog>>;
 
@@ -23,9 +34,10 @@ pub(super) fn extract_fog(
 ) {
     lit.clear();
     for (entity, camera, illumination) in &cameras {
-        if camera.is_active && illumination.technique.uses_grid() && illumination.quality.settings().probes > 0 {
+        let GiSettings { visibility, sky, probes, .. } = illumination.quality.settings();
+        if camera.is_active && illumination.technique.uses_grid() && probes > 0 {
             lit.insert(entity);
-            commands.entity(entity).insert(FogCamera);
+            commands.entity(entity).insert(FogCamera { visibility, sky: sky > 0, froxels: FROXELS_A_PROBE * probes });
         }
     }
     for entity in marked.iter().filter(|entity| !lit.contains(entity)) {

@@ -2,20 +2,26 @@
 
 use bevy::core_pipeline::FullscreenShader;
 use bevy::material::descriptor::PipelineDescriptor;
+use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
-    sampler, texture_2d, texture_2d_multisampled, texture_3d, uniform_buffer,
+    sampler, storage_buffer_read_only_sized, texture_2d, texture_2d_multisampled, texture_3d, texture_storage_3d,
+    uniform_buffer, uniform_buffer_sized,
 };
 use bevy::render::render_resource::{
-    BindGroupLayoutDescriptor, BindGroupLayoutEntries, BlendComponent, BlendFactor, BlendOperation, BlendState,
-    CachedPipelineState, ColorTargetState, ColorWrites, FragmentState, PipelineCache, RenderPipelineDescriptor,
-    SamplerBindingType, ShaderStages, SpecializedRenderPipeline, TextureFormat, TextureSampleType,
+    AddressMode, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BlendComponent, BlendFactor, BlendOperation,
+    BlendState, CachedPipelineState, ColorTargetState, ColorWrites, FilterMode, FragmentState, PipelineCache,
+    RenderPipelineDescriptor, Sampler, SamplerBindingType, SamplerDescriptor, ShaderStages, SpecializedRenderPipeline,
+    StorageTextureAccess, TextureFormat, TextureSampleType,
 };
+use bevy::render::renderer::RenderDevice;
 use bevy::render::view::ViewUniform;
-use bevy::shader::Shader;
-use bevy_bounce_shaders::types::{FogParameters, ProbeParameters};
+use bevy::shader::{Shader, ShaderDefVal};
+use bevy_bounce_shaders::types::{FogParameters, FroxelParameters};
 
-use crate::compute::GiShaders;
+use crate::VplVisibility;
+use crate::compute::{GiShaders, Kernel, KernelDescriptor};
+use crate::shadow_atlas::visibility_layouts;
 
 /// Light that fog scatters, pre-exposed.
 pub(super) const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
@@ -55,6 +61,8 @@ pub(super) struct FogPipelines {
     scatter_layouts: [BindGroupLayoutDescriptor; 2],
     /// Group 0 of [`Pass::Add`].
     pub add_layout: BindGroupLayoutDescriptor,
+    /// Between froxels.
+    pub linear: Sampler,
     fullscreen: FullscreenShader,
     scatter_shader: Handle<Shader>,
     add_shader: Handle<Shader>,
@@ -67,7 +75,13 @@ impl FogPipelines {
     }
 }
 
-pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>, fullscreen: Res<FullscreenShader>) {
+pub(super) fn init_pipelines(
+    mut commands: Commands,
+    shaders: Res<GiShaders>,
+    fullscreen: Res<FullscreenShader>,
+    device: Res<RenderDevice>,
+) {
+    commands.insert_resource(FroxelKernels::default());
     let volume = texture_3d(TextureSampleType::Float { filterable: true });
     // Depth read as a float: naga has no GLSL for loads from a depth texture.
     let depth = TextureSampleType::Float { filterable: false };
@@ -78,7 +92,7 @@ pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>, fu
                 uniform_buffer::<ViewUniform>(false),
                 uniform_buffer::<FogParameters>(true),
                 depth,
-                uniform_buffer::<ProbeParameters>(false),
+                uniform_buffer::<FroxelParameters>(false),
                 volume,
                 sampler(SamplerBindingType::Filtering),
                 volume,
@@ -99,10 +113,84 @@ pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>, fu
                 texture_2d(TextureSampleType::Float { filterable: false }),
             ),
         ),
+        linear: device.create_sampler(&SamplerDescriptor {
+            label: Some("bounce_fog_froxels"),
+            address_mode_u: AddressMode::ClampToEdge,
+            address_mode_v: AddressMode::ClampToEdge,
+            address_mode_w: AddressMode::ClampToEdge,
+            mag_filter: FilterMode::Linear,
+            min_filter: FilterMode::Linear,
+            ..default()
+        }),
         fullscreen: fullscreen.clone(),
         scatter_shader: shaders.get("fog/scatter.wgsl"),
         add_shader: shaders.get("fog/add.wgsl"),
     });
+}
+
+/// What lights froxels is specialised for.
+#[derive(Clone, Copy, Debug, Hash, PartialEq, Eq)]
+pub(super) struct FroxelKey {
+    /// What virtual lights see by.
+    pub visibility: VplVisibility,
+    /// Light straight from the sky, too.
+    pub sky: bool,
+    /// Whether the depth has several samples.
+    pub multisampled: bool,
+}
+
+impl FroxelKey {
+    pub fn new(visibility: VplVisibility, sky: bool, multisampled: bool) -> Self {
+        Self { visibility, sky, multisampled }.seeing(visibility)
+    }
+
+    /// The same by another visibility; all maps are looked up alike.
+    pub fn seeing(self, visibility: VplVisibility) -> Self {
+        let visibility = match visibility {
+            VplVisibility::Ism | VplVisibility::Baked => VplVisibility::Atlas,
+            other => other,
+        };
+        Self { visibility, ..self }
+    }
+
+    fn kernel(self, cache: &PipelineCache, shaders: &GiShaders) -> Kernel {
+        let uniform = uniform_buffer_sized(false, None);
+        let read = storage_buffer_read_only_sized(false, None);
+        let output = texture_storage_3d(LIGHT_FORMAT, StorageTextureAccess::WriteOnly);
+        let depth = TextureSampleType::Float { filterable: false };
+        let depth = if self.multisampled { texture_2d_multisampled(depth) } else { texture_2d(depth) };
+        let visibility = match self.visibility {
+            VplVisibility::None => None,
+            VplVisibility::Voxel => Some("VISIBILITY_VOXEL"),
+            VplVisibility::Ism | VplVisibility::Atlas | VplVisibility::Baked => Some("VISIBILITY_ATLAS"),
+        };
+        let defs = [visibility, self.sky.then_some("SKY"), self.multisampled.then_some("MULTISAMPLED")];
+        let kernel = KernelDescriptor {
+            path: "fog/froxels.wgsl",
+            entry: "light_froxels",
+            // View, froxels; header, list; light; grid, densities; depth.
+            bindings: &[uniform, uniform, read, read, output, uniform, read, depth],
+            groups: &visibility_layouts(self.visibility, self.sky),
+            defs: defs.into_iter().flatten().map(ShaderDefVal::from).collect(),
+        };
+        Kernel::new(cache, shaders, kernel)
+    }
+}
+
+/// What lights froxels, made when it is first asked for.
+#[derive(Resource, Default)]
+pub(super) struct FroxelKernels(HashMap<FroxelKey, Kernel>);
+
+impl FroxelKernels {
+    /// Whether that of a key is compiled; makes it where there is none.
+    pub fn is_ready(&mut self, key: FroxelKey, cache: &PipelineCache, shaders: &GiShaders) -> bool {
+        self.0.entry(key).or_insert_with(|| key.kernel(cache, shaders)).is_ready(cache)
+    }
+
+    /// That of a key.
+    pub fn get(&self, key: FroxelKey) -> Option<&Kernel> {
+        self.0.get(&key)
+    }
 }
 
 impl SpecializedRenderPipeline for FogPipelines {

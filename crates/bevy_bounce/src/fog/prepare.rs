@@ -11,12 +11,14 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::{CachedTexture, GpuImage, TextureCache};
 use bevy::render::view::ExtractedView;
-use bevy_bounce_shaders::types::FogParameters;
+use bevy_bounce_shaders::types::{FogParameters, FroxelParameters};
 
 use super::extract::FogCamera;
-use super::pipelines::{FogPipelines, LIGHT_FORMAT, Pass, bevys_fog_is_drawn};
+use super::pipelines::{FogPipelines, FroxelKernels, FroxelKey, LIGHT_FORMAT, Pass, bevys_fog_is_drawn};
 use crate::GiIsolate;
-use crate::probes::ExtractedProbes;
+use crate::compute::GiShaders;
+use crate::scene::SceneBuffers;
+use crate::settings::GiWorldSettings;
 use crate::view::GiView;
 
 /// Fog of a view that bounced light falls on.
@@ -26,25 +28,26 @@ pub(crate) struct LitFog {
     pub(super) scatter: CachedRenderPipelineId,
     /// Onto the picture.
     pub(super) add: CachedRenderPipelineId,
-    /// Whether the depth has several samples.
-    pub(super) multisampled: bool,
+    /// What lights its froxels.
+    pub(super) key: FroxelKey,
     /// What is drawn in this frame, in Bevy's order.
     pub(super) volumes: Vec<LitVolume>,
+    /// Light in the space of the view, for each asymmetry that its volumes have.
+    pub(super) froxels: Vec<Froxels>,
     /// What they scatter, where there are any.
     pub(super) light: Option<CachedTexture>,
 }
 
 impl LitFog {
-    /// Whether it is drawn in this frame.
-    pub fn is_drawn(&self) -> bool {
-        !self.volumes.is_empty()
-    }
-
-    /// Name and size of what is held on the GPU, bytes.
-    pub fn bytes(&self) -> Option<(&'static str, u64)> {
-        let texture = &self.light.as_ref()?.texture;
-        let texel = u64::from(LIGHT_FORMAT.block_copy_size(None).unwrap_or(0));
-        Some(("fog: light", u64::from(texture.width()) * u64::from(texture.height()) * texel))
+    /// Names and sizes of what is held on the GPU, bytes.
+    pub fn bytes(&self) -> [(&'static str, u64); 2] {
+        let bytes = |texture: &CachedTexture| {
+            let Extent3d { width, height, depth_or_array_layers } = texture.texture.size();
+            let texels = u64::from(width) * u64::from(height) * u64::from(depth_or_array_layers);
+            texels * u64::from(LIGHT_FORMAT.block_copy_size(None).unwrap_or(0))
+        };
+        let froxels = self.froxels.iter().map(|froxels| bytes(&froxels.texture)).sum();
+        [("fog: froxels", froxels), ("fog: light", self.light.as_ref().map_or(0, bytes))]
     }
 }
 
@@ -52,40 +55,60 @@ impl LitFog {
 pub(super) struct LitVolume {
     /// Where its [`FogParameters`] are.
     pub offset: u32,
+    /// Which of [`LitFog::froxels`] it takes its light from.
+    pub froxels: usize,
     /// Its density, where it has a texture that is loaded.
     pub density: Option<AssetId<Image>>,
 }
 
-/// [`FogParameters`] of all volumes in all views.
+/// What fog of one asymmetry scatters to the eye.
+pub(super) struct Froxels {
+    /// Where their [`FroxelParameters`] are.
+    pub offset: u32,
+    pub dims: UVec3,
+    /// Pre-exposed radiance per unit of what scatters.
+    pub texture: CachedTexture,
+}
+
+/// [`FogParameters`] of all volumes in all views, and [`FroxelParameters`] of these.
 #[derive(Resource, Default)]
-pub(super) struct FogUniforms(pub DynamicUniformBuffer<FogParameters>);
+pub(super) struct FogUniforms {
+    pub volumes: DynamicUniformBuffer<FogParameters>,
+    pub froxels: DynamicUniformBuffer<FroxelParameters>,
+}
 
 /// Where bounced light is ready to take its place, leaves out the ambient term of Bevy's fog. Bevy extracts it anew in each frame.
 pub(super) fn take_over_from_ambient_light(
     mut commands: Commands,
-    probes: Option<Res<ExtractedProbes>>,
+    settings: Res<GiWorldSettings>,
+    scene: Option<Res<SceneBuffers>>,
     pipelines: Option<Res<FogPipelines>>,
+    kernels: Option<ResMut<FroxelKernels>>,
     mut specialized: ResMut<SpecializedRenderPipelines<FogPipelines>>,
+    shaders: Res<GiShaders>,
     cache: Res<PipelineCache>,
-    mut views: Query<(Entity, &ExtractedView, &Msaa, &mut VolumetricFog, Option<&mut LitFog>), With<FogCamera>>,
+    mut views: Query<(Entity, &ExtractedView, &Msaa, &mut VolumetricFog, &FogCamera, Option<&mut LitFog>)>,
 ) {
-    let Some(pipelines) = pipelines else { return };
-    let may_be = probes.is_some_and(|probes| probes.0.is_some()) && bevys_fog_is_drawn(&cache);
-    for (entity, view, msaa, mut fog, lit) in &mut views {
+    let (Some(pipelines), Some(mut kernels)) = (pipelines, kernels) else { return };
+    let may_be = settings.0.is_some() && bevys_fog_is_drawn(&cache);
+    let is_sky = scene.is_some_and(|scene| scene.sky_count() > 0);
+    for (entity, view, msaa, mut fog, camera, lit) in &mut views {
         let multisampled = *msaa != Msaa::Off;
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, pass);
         let scatter = pipeline(Pass::Scatter { multisampled });
         let add = pipeline(Pass::Add { format: view.target_format });
-        if !may_be || [scatter, add].into_iter().any(|id| cache.get_render_pipeline(id).is_none()) {
+        let key = FroxelKey::new(camera.visibility, camera.sky && is_sky, multisampled);
+        let is_lit = kernels.is_ready(key, &cache, &shaders);
+        if !may_be || !is_lit || [scatter, add].into_iter().any(|id| cache.get_render_pipeline(id).is_none()) {
             commands.entity(entity).remove::<LitFog>();
             continue;
         }
         fog.ambient_intensity = 0.0;
         match lit {
-            Some(mut lit) => (lit.scatter, lit.add, lit.multisampled) = (scatter, add, multisampled),
+            Some(mut lit) => (lit.scatter, lit.add, lit.key) = (scatter, add, key),
             None => {
-                let (volumes, light) = (Vec::new(), None);
-                commands.entity(entity).insert(LitFog { scatter, add, multisampled, volumes, light });
+                let (volumes, froxels, light) = (Vec::new(), Vec::new(), None);
+                commands.entity(entity).insert(LitFog { scatter, add, key, volumes, froxels, light });
             }
         }
     }
@@ -103,16 +126,42 @@ fn parameters(fog: &VolumetricFog, volume: &FogVolume, place: &GlobalTransform) 
         has_texture: 0,
         absorption: volume.absorption,
         scattering: volume.scattering,
-        asymmetry: volume.scattering_asymmetry,
-        radius: place.affine().transform_vector3(Vec3::splat(0.5)).length(),
+        radius: radius(place),
         steps: fog.step_count,
         jitter: fog.jitter,
     })
 }
 
-/// Finds each view its volumes, and the texture for their light.
+/// World units from a volume's centre to its corners.
+fn radius(place: &GlobalTransform) -> f32 {
+    place.affine().transform_vector3(Vec3::splat(0.5)).length()
+}
+
+/// World units from the eye, or from its plane where rays are parallel, between which a volume lies, however the eye turns: a function
+/// of its sphere.
+fn distances(view: &ExtractedView, place: &GlobalTransform) -> (f32, f32) {
+    let to_centre = place.translation() - view.world_from_view.translation();
+    let is_parallel = view.clip_from_view.w_axis.w == 1.0;
+    let distance = if is_parallel { to_centre.dot(*view.world_from_view.forward()) } else { to_centre.length() };
+    ((distance - radius(place)).max(0.0), distance + radius(place))
+}
+
+/// Columns, rows and slices of a viewport of those pixels.
+fn froxel_dims(longest: u32, viewport: UVec2) -> UVec3 {
+    let edge = viewport.max_element().max(1);
+    (viewport * longest).map(|pixels| pixels.div_ceil(edge).max(1)).extend(longest)
+}
+
+/// Finds each view its volumes, and the textures for their light.
 pub(super) fn prepare_fog(
-    mut views: Query<(&mut LitFog, Option<&VolumetricFog>, &ExtractedCamera, Option<&GiView>)>,
+    mut views: Query<(
+        &mut LitFog,
+        &FogCamera,
+        Option<&VolumetricFog>,
+        &ExtractedCamera,
+        &ExtractedView,
+        Option<&GiView>,
+    )>,
     volumes: Query<(&FogVolume, &GlobalTransform)>,
     mut uniforms: ResMut<FogUniforms>,
     mut textures: ResMut<TextureCache>,
@@ -120,37 +169,73 @@ pub(super) fn prepare_fog(
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
 ) {
-    uniforms.0.clear();
-    for (mut lit, fog, camera, gi) in &mut views {
+    uniforms.volumes.clear();
+    uniforms.froxels.clear();
+    for (mut lit, asked, fog, camera, view, gi) in &mut views {
         lit.volumes.clear();
+        lit.froxels.clear();
         lit.light = None;
         let Some((fog, size)) = fog.zip(camera.physical_target_size) else { continue };
         if gi.is_some_and(|gi| gi.isolate != GiIsolate::All) {
             continue;
         }
+        let dims = froxel_dims(asked.froxels, view.viewport.zw());
+        let mut froxels = Vec::<FroxelParameters>::new();
         for (volume, place) in &volumes {
-            let Some(parameters) = parameters(fog, volume, place) else { continue };
+            let (near, far) = distances(view, place);
+            let Some(parameters) = parameters(fog, volume, place).filter(|_| far > 0.0) else { continue };
+            let asymmetry = volume.scattering_asymmetry;
+            let known = froxels.iter().position(|known| known.asymmetry == asymmetry).unwrap_or(froxels.len());
+            match froxels.get_mut(known) {
+                Some(known) => {
+                    let end = (known.near + known.extent).max(far);
+                    known.near = known.near.min(near);
+                    known.extent = end - known.near;
+                }
+                None => froxels.push(FroxelParameters { dims, asymmetry, near, extent: far - near }),
+            }
             let density = volume.density_texture.as_ref().map(Handle::id).filter(|id| images.get(*id).is_some());
             let has_texture = u32::from(density.is_some());
-            let offset = uniforms.0.push(&FogParameters { has_texture, ..parameters });
-            lit.volumes.push(LitVolume { offset, density });
+            let offset = uniforms.volumes.push(&FogParameters { has_texture, ..parameters });
+            lit.volumes.push(LitVolume { offset, froxels: known, density });
         }
-        if lit.is_drawn() {
-            lit.light = Some(textures.get(&device, light_texture(size)));
+        if !lit.volumes.is_empty() {
+            lit.light = Some(textures.get(&device, texture("bounce_fog_light", size.extend(1), TextureDimension::D2)));
+        }
+        for parameters in &froxels {
+            let texture = textures.get(&device, texture("bounce_fog_froxels", dims, TextureDimension::D3));
+            lit.froxels.push(Froxels { offset: uniforms.froxels.push(parameters), dims, texture });
         }
     }
-    uniforms.0.write_buffer(&device, &queue);
+    uniforms.volumes.write_buffer(&device, &queue);
+    uniforms.froxels.write_buffer(&device, &queue);
 }
 
-fn light_texture(size: UVec2) -> TextureDescriptor<'static> {
+fn texture(label: &'static str, size: UVec3, dimension: TextureDimension) -> TextureDescriptor<'static> {
+    let written = match dimension {
+        TextureDimension::D3 => TextureUsages::STORAGE_BINDING,
+        _ => TextureUsages::RENDER_ATTACHMENT,
+    };
     TextureDescriptor {
-        label: Some("bounce_fog_light"),
-        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: 1 },
+        label: Some(label),
+        size: Extent3d { width: size.x, height: size.y, depth_or_array_layers: size.z },
         mip_level_count: 1,
         sample_count: 1,
-        dimension: TextureDimension::D2,
+        dimension,
         format: LIGHT_FORMAT,
-        usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::TEXTURE_BINDING,
+        usage: written | TextureUsages::TEXTURE_BINDING,
         view_formats: &[],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn froxels_are_as_many_along_the_longest_edge() {
+        assert_eq!(froxel_dims(40, UVec2::new(1920, 1080)), UVec3::new(40, 23, 40));
+        assert_eq!(froxel_dims(8, UVec2::new(100, 4000)), UVec3::new(1, 8, 8));
+        assert_eq!(froxel_dims(8, UVec2::ZERO), UVec3::new(1, 1, 8));
     }
 }

@@ -1,6 +1,6 @@
 //! Bounced light for what is not in the G-buffer: transparent and forward-rendered surfaces, particles, whole apps that stay
 //! forward. A volume of light probes over the scene, lit anew every frame by all virtual lights, which Bevy's own shaders
-//! read as an [`IrradianceVolume`](bevy::light::IrradianceVolume), and [fog](crate::fog) scatters.
+//! read as an [`IrradianceVolume`](bevy::light::IrradianceVolume).
 //!
 //! # Data
 //!
@@ -17,7 +17,7 @@
 //! # Cost
 //!
 //! Six sums over all virtual lights a probe, of which each sees about half: 25 million lookups at 20^3 probes and 1024 lights. It
-//! does not depend on the picture's size, and there is none in frames in which no view draws anything by a forward shader, or fog. On a
+//! does not depend on the picture's size, and there is none in frames in which no view draws anything by a forward shader. On a
 //! software adapter that is five times what `interleaved` takes at 640x360: `see_through --size 640x360 --stats`.
 //! Nothing persists from frame to frame but where the volume lies: it follows the scene's bounds, in whole steps, two frames
 //! behind where rendering is pipelined.
@@ -53,7 +53,6 @@ use crate::compute::load_shaders;
 use crate::plugins::configure_stages;
 use crate::recovery::forget_resource;
 
-pub(crate) use extract::ExtractedProbes;
 pub use forward::GiForwardPlugin;
 pub(crate) use prepare::ProbeBuffers;
 pub use volume::ProbeVolume;

@@ -6,26 +6,22 @@ use bevy::pbr::Transmissive3d;
 use bevy::prelude::*;
 use bevy::render::render_phase::{BinnedPhaseItem, SortedPhaseItem, ViewBinnedRenderPhases, ViewSortedRenderPhases};
 
-use crate::fog::LitFog;
-
-/// What Bevy draws after the G-buffer, by its forward shaders; and fog.
+/// What Bevy draws after the G-buffer, by its forward shaders.
 #[derive(SystemParam)]
-pub(super) struct Receivers<'w, 's> {
+pub(super) struct Receivers<'w> {
     opaque: Option<Res<'w, ViewBinnedRenderPhases<Opaque3d>>>,
     masked: Option<Res<'w, ViewBinnedRenderPhases<AlphaMask3d>>>,
     transmissive: Option<Res<'w, ViewSortedRenderPhases<Transmissive3d>>>,
     transparent: Option<Res<'w, ViewSortedRenderPhases<Transparent3d>>>,
-    fog: Query<'w, 's, &'static LitFog>,
 }
 
-impl Receivers<'_, '_> {
+impl Receivers<'_> {
     /// Whether any view draws something that the volume lights.
     pub fn any(&self) -> bool {
         any_binned(self.opaque.as_deref())
             || any_binned(self.masked.as_deref())
             || any_sorted(self.transmissive.as_deref())
             || any_sorted(self.transparent.as_deref())
-            || self.fog.iter().any(LitFog::is_drawn)
     }
 }
 
