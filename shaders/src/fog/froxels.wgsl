@@ -71,10 +71,10 @@ fn of_lights(position: vec3<f32>, ahead: vec3<f32>) -> vec3<f32> {
         let distance = length(to_vpl);
         let direction = to_vpl / distance;
         var point: Surface;
-        point.position = vpl.position - to_vpl;
+        point.position = position;
         // A point in the air has no surface that could be taken for what hides it.
 #ifndef VISIBILITY_VOXEL
-        point.normal = direction;
+        point.normal = normalize(vpl.position - position);
 #endif
         if is_visible(i, vpl, point) {
             let slant = length(vec2<f32>(distance, radius));

@@ -17,7 +17,7 @@ use bevy_bounce_tests::stage::{SMALL, Stage, illumination};
 const SIZE: UVec2 = UVec2::new(64, 36);
 const HALF: UVec2 = UVec2::new(32, 36);
 const EXPOSURE: Exposure = Exposure { ev100: 7.0 };
-/// Probes that light the fog, and none: then there is Bevy's fog alone.
+/// `GiSettings::probes` with which fog is lit, and without: then there is Bevy's fog alone.
 const LIT: u32 = 8;
 const DARK: u32 = 0;
 

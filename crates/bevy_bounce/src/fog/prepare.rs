@@ -16,10 +16,12 @@ use bevy_bounce_shaders::types::{FogParameters, FroxelParameters};
 use super::extract::FogCamera;
 use super::pipelines::{FogPipelines, FroxelKernels, FroxelKey, LIGHT_FORMAT, Pass, bevys_fog_is_drawn};
 use crate::GiIsolate;
+use crate::avg::VoxelGrid;
 use crate::compute::GiShaders;
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::view::GiView;
+use crate::vpl::VplBuffers;
 
 /// Fog of a view that bounced light falls on.
 #[derive(Component)]
@@ -82,6 +84,7 @@ pub(super) fn take_over_from_ambient_light(
     mut commands: Commands,
     settings: Res<GiWorldSettings>,
     scene: Option<Res<SceneBuffers>>,
+    lights: (Option<Res<VplBuffers>>, Option<Res<VoxelGrid>>),
     pipelines: Option<Res<FogPipelines>>,
     kernels: Option<ResMut<FroxelKernels>>,
     mut specialized: ResMut<SpecializedRenderPipelines<FogPipelines>>,
@@ -90,7 +93,8 @@ pub(super) fn take_over_from_ambient_light(
     mut views: Query<(Entity, &ExtractedView, &Msaa, &mut VolumetricFog, &FogCamera, Option<&mut LitFog>)>,
 ) {
     let (Some(pipelines), Some(mut kernels)) = (pipelines, kernels) else { return };
-    let may_be = settings.0.is_some() && bevys_fog_is_drawn(&cache);
+    let are_lights = settings.0.is_some() && lights.0.is_some() && lights.1.is_some();
+    let may_be = are_lights && bevys_fog_is_drawn(&cache);
     let is_sky = scene.is_some_and(|scene| scene.sky_count() > 0);
     for (entity, view, msaa, mut fog, camera, lit) in &mut views {
         let multisampled = *msaa != Msaa::Off;
@@ -183,7 +187,8 @@ pub(super) fn prepare_fog(
         let mut froxels = Vec::<FroxelParameters>::new();
         for (volume, place) in &volumes {
             let (near, far) = distances(view, place);
-            let Some(parameters) = parameters(fog, volume, place).filter(|_| far > 0.0) else { continue };
+            let is_there = far > 0.0 && volume.density_factor != 0.0;
+            let Some(parameters) = parameters(fog, volume, place).filter(|_| is_there) else { continue };
             let asymmetry = volume.scattering_asymmetry;
             let known = froxels.iter().position(|known| known.asymmetry == asymmetry).unwrap_or(froxels.len());
             match froxels.get_mut(known) {
