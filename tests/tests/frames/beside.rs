@@ -27,7 +27,7 @@ const SIZE: UVec2 = UVec2::new(64, 36);
 const EXPOSURE: Exposure = Exposure { ev100: 6.0 };
 /// Frames until a picture stands still: temporal anti-aliasing goes through its eight places once.
 const FRAMES: usize = 10;
-/// That light volumetric fog.
+/// `GiSettings::probes` with which volumetric fog is lit.
 const PROBES: u32 = 8;
 
 /// What else there may be.

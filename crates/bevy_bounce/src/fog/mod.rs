@@ -26,7 +26,7 @@
 //!
 //! # Cost
 //!
-//! A sum over all virtual lights a froxel: at 16:9, 20 probes and 2048 lights 75 million lookups, whatever the picture's size, for each asymmetry; as many as
+//! A sum over all virtual lights a froxel: at 16:9, 20 probes and 2048 lights 75 million lookups, whatever the picture's size, for each asymmetry; about as many as
 //! shading takes at half resolution for a picture of 1920x1080. `VolumetricFog::step_count` steps a pixel and volume, of two lookups each. Without
 //! fog, none.
 //!

@@ -16,12 +16,12 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::RenderDevice;
 use bevy::render::view::ViewUniform;
-use bevy::shader::{Shader, ShaderDefVal};
+use bevy::shader::Shader;
 use bevy_bounce_shaders::types::{FogParameters, FroxelParameters};
 
 use crate::VplVisibility;
 use crate::compute::{GiShaders, Kernel, KernelDescriptor};
-use crate::shadow_atlas::visibility_layouts;
+use crate::shadow_atlas::{visibility_def, visibility_layouts};
 
 /// Light that fog scatters, pre-exposed.
 pub(super) const LIGHT_FORMAT: TextureFormat = TextureFormat::Rgba16Float;
@@ -159,19 +159,16 @@ impl FroxelKey {
         let output = texture_storage_3d(LIGHT_FORMAT, StorageTextureAccess::WriteOnly);
         let depth = TextureSampleType::Float { filterable: false };
         let depth = if self.multisampled { texture_2d_multisampled(depth) } else { texture_2d(depth) };
-        let visibility = match self.visibility {
-            VplVisibility::None => None,
-            VplVisibility::Voxel => Some("VISIBILITY_VOXEL"),
-            VplVisibility::Ism | VplVisibility::Atlas | VplVisibility::Baked => Some("VISIBILITY_ATLAS"),
-        };
-        let defs = [visibility, self.sky.then_some("SKY"), self.multisampled.then_some("MULTISAMPLED")];
+        let sky = self.sky.then(|| "SKY".into());
+        let multisampled = self.multisampled.then(|| "MULTISAMPLED".into());
+        let defs = [visibility_def(self.visibility), sky, multisampled];
         let kernel = KernelDescriptor {
             path: "fog/froxels.wgsl",
             entry: "light_froxels",
             // View, froxels; header, list; light; grid, densities; depth.
             bindings: &[uniform, uniform, read, read, output, uniform, read, depth],
             groups: &visibility_layouts(self.visibility, self.sky),
-            defs: defs.into_iter().flatten().map(ShaderDefVal::from).collect(),
+            defs: defs.into_iter().flatten().collect(),
         };
         Kernel::new(cache, shaders, kernel)
     }

@@ -15,13 +15,14 @@ use bevy_bounce_shaders::types::{FogParameters, FroxelParameters};
 
 use super::extract::FogCamera;
 use super::pipelines::{FogPipelines, FroxelKernels, FroxelKey, LIGHT_FORMAT, Pass, bevys_fog_is_drawn};
-use crate::GiIsolate;
 use crate::avg::VoxelGrid;
 use crate::compute::GiShaders;
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
+use crate::shadow_atlas::ShadowAtlas;
 use crate::view::GiView;
 use crate::vpl::VplBuffers;
+use crate::{GiIsolate, VplVisibility};
 
 /// Fog of a view that bounced light falls on.
 #[derive(Component)]
@@ -84,7 +85,7 @@ pub(super) fn take_over_from_ambient_light(
     mut commands: Commands,
     settings: Res<GiWorldSettings>,
     scene: Option<Res<SceneBuffers>>,
-    lights: (Option<Res<VplBuffers>>, Option<Res<VoxelGrid>>),
+    (lights, grid, atlas): (Option<Res<VplBuffers>>, Option<Res<VoxelGrid>>, Option<Res<ShadowAtlas>>),
     pipelines: Option<Res<FogPipelines>>,
     kernels: Option<ResMut<FroxelKernels>>,
     mut specialized: ResMut<SpecializedRenderPipelines<FogPipelines>>,
@@ -93,7 +94,7 @@ pub(super) fn take_over_from_ambient_light(
     mut views: Query<(Entity, &ExtractedView, &Msaa, &mut VolumetricFog, &FogCamera, Option<&mut LitFog>)>,
 ) {
     let (Some(pipelines), Some(mut kernels)) = (pipelines, kernels) else { return };
-    let are_lights = settings.0.is_some() && lights.0.is_some() && lights.1.is_some();
+    let are_lights = settings.0.is_some() && lights.is_some() && grid.is_some();
     let may_be = are_lights && bevys_fog_is_drawn(&cache);
     let is_sky = scene.is_some_and(|scene| scene.sky_count() > 0);
     for (entity, view, msaa, mut fog, camera, lit) in &mut views {
@@ -101,7 +102,10 @@ pub(super) fn take_over_from_ambient_light(
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, pass);
         let scatter = pipeline(Pass::Scatter { multisampled });
         let add = pipeline(Pass::Add { format: view.target_format });
-        let key = FroxelKey::new(camera.visibility, camera.sky && is_sky, multisampled);
+        // Without maps lights see by rays, as `bind_visibility` has it.
+        let is_seen_by_rays = camera.visibility > VplVisibility::Voxel && atlas.is_none();
+        let visibility = if is_seen_by_rays { VplVisibility::Voxel } else { camera.visibility };
+        let key = FroxelKey::new(visibility, camera.sky && is_sky, multisampled);
         let is_lit = kernels.is_ready(key, &cache, &shaders);
         if !may_be || !is_lit || [scatter, add].into_iter().any(|id| cache.get_render_pipeline(id).is_none()) {
             commands.entity(entity).remove::<LitFog>();

@@ -9,7 +9,7 @@ use bevy::render::render_resource::{PipelineCache, StorageTextureAccess, Texture
 use bevy::shader::ShaderDefVal;
 
 use crate::compute::{GiShaders, Kernel, KernelDescriptor};
-use crate::shadow_atlas::visibility_layouts;
+use crate::shadow_atlas::{visibility_def, visibility_layouts};
 use crate::{Resolution, VplVisibility};
 
 /// What the kernels are specialised for.
@@ -25,14 +25,9 @@ pub(super) struct PassesKey {
 
 impl PassesKey {
     fn defs(self) -> Vec<ShaderDefVal> {
-        let visibility = match self.visibility {
-            VplVisibility::None => None,
-            VplVisibility::Voxel => Some("VISIBILITY_VOXEL"),
-            VplVisibility::Ism | VplVisibility::Atlas | VplVisibility::Baked => Some("VISIBILITY_ATLAS"),
-        };
-        let half = (self.resolution == Resolution::Half).then_some("HALF_RESOLUTION");
-        let sky = self.sky.then_some("SKY");
-        [visibility, half, sky].into_iter().flatten().map(ShaderDefVal::from).collect()
+        let half = (self.resolution == Resolution::Half).then(|| "HALF_RESOLUTION".into());
+        let sky = self.sky.then(|| "SKY".into());
+        [visibility_def(self.visibility), half, sky].into_iter().flatten().collect()
     }
 }
 

@@ -9,11 +9,11 @@ use crate::scene::SceneBuffers;
 
 /// The volume as this frame draws it.
 #[derive(Resource, Default)]
-pub(crate) struct ExtractedProbes(pub Option<Probes>);
+pub(super) struct ExtractedProbes(pub Option<Probes>);
 
 /// See [`ExtractedProbes`].
 #[derive(Clone, Copy)]
-pub(crate) struct Probes {
+pub(super) struct Probes {
     /// Where it is.
     pub volume: ProbeVolume,
     /// What Bevy's shaders read.

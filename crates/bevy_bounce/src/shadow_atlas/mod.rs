@@ -64,7 +64,7 @@ use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 use crate::recovery::forget_resource;
 
-pub(crate) use pipelines::{bind_visibility, visibility_layouts};
+pub(crate) use pipelines::{bind_visibility, visibility_def, visibility_layouts};
 pub(crate) use prepare::ShadowAtlas;
 
 /// Draws the shadow maps of virtual point lights; see the [module](self).

@@ -6,6 +6,7 @@ use bevy::render::render_resource::binding_types::{
 };
 use bevy::render::render_resource::{BindGroup, BindGroupLayoutDescriptor, PipelineCache};
 use bevy::render::renderer::RenderDevice;
+use bevy::shader::ShaderDefVal;
 
 use super::prepare::ShadowAtlas;
 use crate::VplVisibility;
@@ -32,6 +33,15 @@ pub(super) struct AtlasPipelines {
 /// Group 2 of the kernels that look up depths: sizes, the atlas. See `shadow_atlas/lookup.wgsl`.
 fn atlas_layout() -> BindGroupLayoutDescriptor {
     group_layout("bounce_atlas", &[uniform_buffer_sized(false, None), storage_buffer_read_only_sized(false, None)])
+}
+
+/// Definition by which shaders look in that way; all maps are looked up alike.
+pub(crate) fn visibility_def(visibility: VplVisibility) -> Option<ShaderDefVal> {
+    match visibility {
+        VplVisibility::None => None,
+        VplVisibility::Voxel => Some("VISIBILITY_VOXEL".into()),
+        VplVisibility::Ism | VplVisibility::Atlas | VplVisibility::Baked => Some("VISIBILITY_ATLAS".into()),
+    }
 }
 
 /// Groups 1 and 2 of the kernels in which virtual lights see, where they need them: the grid, with the sky or without; the atlas.
