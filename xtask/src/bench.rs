@@ -25,6 +25,7 @@ usage: cargo xtask bench [OPTIONS]
   --part P              frames, ssbc, samples, memory or growth; repeatable; all
   --quick               one small run of each part, to see that they work
   --dev                 the viewer as the demo and the tests build it: dependencies optimised, our crates a little
+  --viewer FILE         a viewer that was built before, where there is no Cargo; leaves out `samples`
   --json FILE           also write what was measured
 ";
 
@@ -46,13 +47,14 @@ struct Options {
     growth: Vec<u32>,
     json: Option<PathBuf>,
     dev: bool,
+    viewer: Option<PathBuf>,
 }
 
 impl Options {
     /// `None` where the usage was asked for.
     fn parse(args: &[String], has_sponza: bool) -> Result<Option<Self>> {
         let [mut scenes, mut sizes, mut vpls, mut visibilities, mut parts] = [const { Vec::<String>::new() }; 5];
-        let (mut frames, mut json, mut quick, mut dev) = (None, None, false, false);
+        let (mut frames, mut json, mut viewer, mut quick, mut dev) = (None, None, None, false, false);
         let mut args = args.iter();
         while let Some(arg) = args.next() {
             let mut value = || args.next().cloned().ok_or(format!("bench: `{arg}` needs a value"));
@@ -64,6 +66,7 @@ impl Options {
                 "--part" => parts.push(value()?),
                 "--frames" => frames = Some(value()?),
                 "--json" => json = Some(PathBuf::from(value()?)),
+                "--viewer" => viewer = Some(std::path::absolute(value()?)?),
                 "--quick" => quick = true,
                 "--dev" => dev = true,
                 "--help" | "-h" => return Ok(None),
@@ -92,6 +95,7 @@ impl Options {
             growth: if quick { vec![1_000, 10_000] } else { vec![1_000, 10_000, 100_000, 1_000_000] },
             json,
             dev,
+            viewer,
         }))
     }
 
@@ -147,8 +151,13 @@ pub fn bench(args: &[String]) -> Result<()> {
     let folder = root().join("target/bench");
     fs::create_dir_all(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
     let jobs = jobs(&options, &folder)?;
-    setup()?;
-    let viewer = build_example("viewer", !options.dev)?;
+    let viewer = match &options.viewer {
+        Some(viewer) => viewer.clone(),
+        None => {
+            setup()?;
+            build_example("viewer", !options.dev)?
+        }
+    };
     let mut report = Report::default();
     for (i, job) in jobs.iter().enumerate() {
         let file = folder.join(format!("{i}.json"));
@@ -169,7 +178,7 @@ pub fn bench(args: &[String]) -> Result<()> {
             outcome: outcome.map(|stats| (stats, file)).map_err(|error| error.to_string()),
         });
     }
-    if options.has("samples") {
+    if options.has("samples") && options.viewer.is_none() {
         report.samples = Samples::measure(!options.dev)?;
     }
     println!("\n{report}");
@@ -271,6 +280,7 @@ mod tests {
         assert_eq!(options.visibilities, ["none", "voxel", "ism", "atlas"]);
         assert!(!options.dev && parse(&["--dev"], true)?.is_some_and(|options| options.dev));
         assert_eq!(options.growth.last(), Some(&1_000_000));
+        assert_eq!(options.viewer, None);
         assert_eq!(parse(&[], false)?.map(|options| options.scenes), Some(vec!["cornell".to_owned()]));
         Ok(())
     }
@@ -279,7 +289,8 @@ mod tests {
     fn given_values_replace_the_defaults() -> Result<()> {
         let args =
             ["--quick", "--scene", "a.glb", "--size", "1920x1080", "--vpls", "64", "--frames", "9", "--part", "frames"];
-        let options = parse(&args, true)?.ok_or("usage")?;
+        let options = parse(&[&args[..], &["--viewer", "/bin/viewer"]].concat(), true)?.ok_or("usage")?;
+        assert_eq!(options.viewer, Some("/bin/viewer".into()));
         assert_eq!(options.scenes, ["a.glb"]);
         assert_eq!(options.sizes, ["1920x1080"]);
         assert_eq!((options.vpls, options.frames), (vec![64], 9));

@@ -5,7 +5,7 @@
 #import bevy_bounce::shared::groups::{folded_index, exclusive_scan, scan_total}
 #import bevy_bounce::shared::grid::{
     Grid, Cell, voxel_count, voxel_facings, facing_of, pack_bounds, CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, SUM_MASKED,
-    COUNTER_CELLS, COUNTER_OVERFLOW, COUNTER_AREA, COUNTER_AREA_STEPS, COUNTER_FINEST,
+    SUM_FRONT, COUNTER_CELLS, COUNTER_OVERFLOW, COUNTER_AREA, COUNTER_AREA_STEPS, COUNTER_FINEST,
 }
 #import bevy_bounce::shared::octahedral::encode_unit
 
@@ -90,6 +90,21 @@ fn assign_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocati
     }
 }
 
+// From an area and what was weighted by it.
+fn mean_of(sum: u32) -> vec3<f32> {
+    return vec3<f32>(vec3<i32>(sums[sum + 1u], sums[sum + 2u], sums[sum + 3u])) / f32(sums[sum]);
+}
+
+// The albedo of what is seen of a cell: that of all its surfaces as long as they have room side by side across the facing's axis, of those in
+// front the more of them lie behind each other.
+fn albedo_of(sum: u32, size: vec3<f32>) -> vec3<f32> {
+    let normal = vec3<f32>(vec3<i32>(sums[sum + 4u], sums[sum + 5u], sums[sum + 6u])) / AREA_ONE;
+    let axis = facing_of(normal) / 2u;
+    let face = max((size.yzx * size.zxy)[axis], 1.0 / AREA_ONE);
+    let hidden = clamp(abs(normal)[axis] / face - 1.0, 0.0, 1.0);
+    return mix(mean_of(sum), mean_of(sum + SUM_FRONT), hidden);
+}
+
 // Share of the rays through a cell's bounds that its surfaces stop. What has holes stops as many as it has area for across the facing's
 // axis, as if no part of it were behind another; anything else stops all.
 fn cover_of(sum: u32, normal: vec3<f32>, size: vec3<f32>) -> f32 {
@@ -113,7 +128,6 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
     var mean = Cell(0u, 0u, 0u, 0u);
     if weight > 0 {
         let inv = 1.0 / f32(weight);
-        let albedo = vec3<f32>(vec3<i32>(sums[o + 1u], sums[o + 2u], sums[o + 3u])) * inv;
         let normal = normalize(vec3<f32>(vec3<i32>(sums[o + 4u], sums[o + 5u], sums[o + 6u])) + vec3<f32>(0.0, 1e-3, 0.0));
         let position = vec3<f32>(vec3<i32>(sums[o + 7u], sums[o + 8u], sums[o + 9u])) * inv;
         mean.normal = encode_unit(normal);
@@ -123,7 +137,7 @@ fn resolve(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
         let low = 1.0 - vec3<f32>(vec3<i32>(sums[o + 10u], sums[o + 11u], sums[o + 12u])) / BOUND_ONE;
         let high = vec3<f32>(vec3<i32>(sums[o + 13u], sums[o + 14u], sums[o + 15u])) / BOUND_ONE;
         mean.bounds = pack_bounds(low, high);
-        mean.albedo = pack4x8unorm(vec4<f32>(albedo, cover_of(o, normal, high - low)));
+        mean.albedo = pack4x8unorm(vec4<f32>(albedo_of(o, high - low), cover_of(o, normal, high - low)));
         if cell < atomicLoad(&counters[COUNTER_FINEST]) {
             atomicAdd(&counters[COUNTER_AREA], u32(round(area * COUNTER_AREA_STEPS)));
         }

@@ -2,11 +2,11 @@
 //
 // Runs twice over all triangles. The first run marks which facings of which voxels are touched; after the scan has given
 // each of them a cell, the second (`ACCUMULATE`) adds to it the triangle's area within the voxel, and albedo, normal and
-// position weighted by it, and widens the bounds of what is there. Where the paper shifts vertices, steps through slices and
-// enlarges small triangles, so that the rasteriser leaves no hole, an exact triangle-box test (Akenine-Moeller 2001) finds
-// every voxel touched. Sums are integers: the order in which threads come does not show. With `EMISSION` the second run adds
-// what shines, over the emissive triangles alone: emitted light, as a part of the brightest in the scene, weighted by area.
-// Of masked surfaces the area is that which is there.
+// position weighted by it, and widens the bounds of what is there; albedo once more, with the weight that it has where surfaces
+// hide each other (`cells.wgsl`). Where the paper shifts vertices, steps through slices and enlarges small triangles, so that the
+// rasteriser leaves no hole, an exact triangle-box test (Akenine-Moeller 2001) finds every voxel touched. Sums are integers: the
+// order in which threads come does not show. With `EMISSION` the second run adds what shines, over the emissive triangles alone:
+// emitted light, as a part of the brightest in the scene, weighted by area. Of masked surfaces the area is that which is there.
 //
 // Of nested grids each takes all triangles in turn, one dispatch for all: `level` is the one that a workgroup works for, and
 // positions are in its voxels.
@@ -23,7 +23,7 @@
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{
     Grid, GridLevel, grid_level, level_of_brick, brick_index, brick_place, voxel_index, voxel_facings, cell_index, facing_of,
-    CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, SUM_MASKED,
+    CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, SUM_MASKED, SUM_FRONT,
 }
 #import bevy_bounce::shared::sampling::triangle_point
 #import bevy_bounce::shared::scene::{Chunk, Scene}
@@ -51,6 +51,8 @@ const INLINE_VOXELS: u32 = 128u;
 const BRICK: i32 = 8;
 /// Places of a masked triangle at which its mask is looked at.
 const MASK_PLACES: u32 = 16u;
+/// How much more a surface counts there than one a voxel behind it, as a power of two.
+const FRONT_OCTAVES: f32 = 8.0;
 // Voxels; covers the rounding of the positions, so that a face on a boundary marks both sides.
 const SLACK: f32 = 1e-4;
 // Voxels; covers the rounding of the plane's height over a column. The test of each voxel decides.
@@ -203,12 +205,20 @@ fn add(cell: u32, part: Part, emission: vec3<f32>, normal: vec3<f32>) {
     atomicAdd(&emission_sums[cell * 3u + 2u], e.z);
 }
 #else
+// How much a surface counts where surfaces of a voxel hide each other: the more, the farther its plane is before the voxel's middle, voxels.
+// One plane counts alike in all its parts, however it is tilted.
+fn front_share(plane: f32) -> f32 {
+    return exp2(FRONT_OCTAVES * (plane - 0.5 * sqrt(3.0)));
+}
+
 fn add(cell: u32, part: Part, albedo: vec3<f32>, normal: vec3<f32>) {
     let o = cell * SUM_WORDS;
     let weight = max(part.area * AREA_ONE, 1.0);
     let a = vec3<i32>(round(albedo * weight));
     let n = vec3<i32>(round(normal * weight));
     let p = vec3<i32>(round(part.centroid * weight));
+    let front_weight = max(weight * front_share(dot(normal, part.centroid)), 1.0);
+    let front = vec3<i32>(round(albedo * front_weight));
     let low = vec3<i32>(ceil((0.5 - part.low) * BOUND_ONE));
     let high = vec3<i32>(ceil((0.5 + part.high) * BOUND_ONE));
     atomicAdd(&sums[o], i32(weight));
@@ -230,6 +240,10 @@ fn add(cell: u32, part: Part, albedo: vec3<f32>, normal: vec3<f32>) {
     if part.cover < 1.0 {
         atomicAdd(&sums[o + SUM_MASKED], i32(weight));
     }
+    atomicAdd(&sums[o + SUM_FRONT], i32(front_weight));
+    atomicAdd(&sums[o + SUM_FRONT + 1u], front.x);
+    atomicAdd(&sums[o + SUM_FRONT + 2u], front.y);
+    atomicAdd(&sums[o + SUM_FRONT + 3u], front.z);
 }
 #endif
 

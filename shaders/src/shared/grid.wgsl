@@ -47,9 +47,11 @@ const LEAP_BLOCK: u32 = 2u;
 /// Fixed point: one voxel face of area.
 const AREA_ONE: f32 = 65536.0;
 /// Words of a cell's sums: area, albedo, normal, position from the voxel's centre, each times area; then the bounds of the
-/// surfaces as maxima, of 0.5 + position and of 0.5 - position, so that zero is empty; the area of what has holes.
-const SUM_WORDS: u32 = 17u;
+/// surfaces as maxima, of 0.5 + position and of 0.5 - position, so that zero is empty; the area of what has holes; area and albedo once
+/// more, as much of them as counts of what is seen where surfaces lie behind each other.
+const SUM_WORDS: u32 = 21u;
 const SUM_MASKED: u32 = 16u;
+const SUM_FRONT: u32 = 17u;
 /// Fixed point: a voxel's edge in the bounds.
 const BOUND_ONE: f32 = 65536.0;
 /// Steps of a bound in a cell.

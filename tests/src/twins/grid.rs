@@ -5,7 +5,7 @@ use bevy::math::Vec3;
 /// Fixed point: one voxel face of area.
 pub const AREA_ONE: f32 = 65536.0;
 /// Words of a cell's sums.
-pub const SUM_WORDS: usize = 17;
+pub const SUM_WORDS: usize = 21;
 /// Bits of a voxel's word that hold its first cell.
 pub const CELL_BITS: u32 = 22;
 

@@ -217,6 +217,35 @@ fn opposite_faces_of_a_thin_wall_keep_apart() {
     }
 }
 
+/// Of a voxel in x, in [`white_of_a_panel`].
+const MIDDLE: f32 = 0.513;
+
+/// Share of white in a voxel of a tenth that has a black wall from `wall` on and, 0.04 before it, a white panel up to `panel`, in x.
+fn white_of_a_panel(wall: f32, panel: f32) -> f32 {
+    let quad = |low: f32, high: f32, z: f32| {
+        let [a, b, c, d] = [(low, 0.0), (high, 0.0), (high, 1.0), (low, 1.0)].map(|(x, y)| Vec3::new(x, y, z));
+        [[a, b, c], [a, c, d]]
+    };
+    let mut scene = TestScene::new(Vec3::ZERO);
+    scene.materials.push(bevy_bounce_tests::scene::matte(Vec3::ONE));
+    scene.mesh(&quad(wall, 1.0, 0.53), 0, 0, Affine3A::IDENTITY);
+    scene.mesh(&quad(0.0, panel, 0.57), 1, 0, Affine3A::IDENTITY);
+    let built = Built::new(&scene, scene.grid(0.1));
+    let voxel = ((Vec3::new(MIDDLE, 0.5, 0.55) - built.grid.origin) / built.grid.voxel_size).floor().as_ivec3();
+    let cell = built.cells[built.cell(voxel, 4).expect("has a cell")];
+    f32::from(cell.albedo as u8) / 255.0
+}
+
+#[test]
+fn what_lies_in_front_hides_what_is_behind() {
+    let behind = white_of_a_panel(0.0, 1.0);
+    assert!(behind > 0.88, "a wall behind a panel takes {} of its colour", 1.0 - behind);
+    // 2^(8 * 0.4) to 1.
+    assert!((behind - 0.902).abs() < 0.01, "{behind}");
+    let beside = white_of_a_panel(MIDDLE, MIDDLE);
+    assert!((beside - 0.5).abs() < 0.01, "beside each other both are seen: {beside}");
+}
+
 #[test]
 fn flags_turn_and_double_the_sides() {
     let triangle = [Vec3::ZERO, Vec3::X, Vec3::Y];

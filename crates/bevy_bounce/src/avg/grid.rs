@@ -11,7 +11,7 @@ use crate::scene::{Bounds, Groups, SceneBuffers};
 use crate::settings::GiWorldSettings;
 
 /// Words of a cell's sums. See `SUM_WORDS` in `shared/grid.wgsl`.
-pub(crate) const SUM_WORDS: u64 = 17;
+pub(crate) const SUM_WORDS: u64 = 21;
 /// Voxels a workgroup of the prefix sum takes.
 pub(crate) const BLOCK_VOXELS: u32 = 1024;
 /// Edge of the blocks that distances count, voxels.

@@ -11,9 +11,12 @@
 //! |---|---|---|
 //! | `voxels` | 1 MiB | first cell, facings, distance to the nearest occupied voxel |
 //! | `cells` | 2 MiB | albedo, share of rays that is stopped, normal, plane, area, bounds: 16 bytes each, room for one cell per two voxels |
-//! | `sums` | 8.5 MiB | their fixed-point sums |
+//! | `sums` | 10.5 MiB | their fixed-point sums |
 //! | `occupied`, `along_x`, `along_y` | 1.5 MiB | distances in blocks of 2^3 voxels, axis by axis |
 //! | `queue` | 0.8 MiB | bricks of large triangles |
+//!
+//! The albedo of a cell is the mean of its surfaces as long as they have room side by side; the more they lie behind each other (their area
+//! across the facing's axis against that of their bounds), the more those in front count: a panel on a wall has its own colour.
 //!
 //! Of masked surfaces a cell knows how much is there, and lets the rest of the rays pass: as if no two of its surfaces stood behind each
 //! other, so that foliage of which much lies in one voxel stops more than it does in truth. What shares a cell with an opaque surface
