@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use bevy::asset::RenderAssetUsages;
-use bevy::camera::Exposure;
+use bevy::camera::{Exposure, ScalingMode};
 use bevy::ecs::system::RunSystemOnce;
 use bevy::image::ImageSampler;
 use bevy::light::{FogVolume, VolumetricFog, VolumetricLight};
@@ -141,6 +141,41 @@ fn half_full(stage: &mut Stage) -> Handle<Image> {
     stage.world().resource_mut::<Assets<Image>>().add(image)
 }
 
+/// As much comes from fog in the furnace as its walls send, at each pixel but for `tolerance` of it, and in the mean.
+fn assert_is_even(
+    stage: &mut Stage,
+    name: &str,
+    volumes: Vec<(FogVolume, Transform)>,
+    settings: GiSettings,
+    tolerance: f64,
+) {
+    let way = on_the_way(&volumes[0].0, &volumes[0].1);
+    let (absorption, scattering) = (volumes[0].0.absorption, volumes[0].0.scattering);
+    let entities: Vec<_> = volumes.into_iter().map(|(fog, place)| spawn_fog(stage, fog, place)).collect();
+    let found = scattered(stage, settings);
+    let whole = f64::from(EMITTED / (1.0 - ALBEDO) * scattering / (absorption + scattering)) * way;
+    let mut errors: Vec<_> = found
+        .light
+        .pixels
+        .iter()
+        .zip(&found.taken)
+        .enumerate()
+        .filter(|(_, (_, taken))| **taken > 0.1)
+        .map(|(i, (light, taken))| (luminance(*light) / (taken * whole) - 1.0, i, *taken))
+        .collect();
+    errors.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
+    let (count, mean) = (errors.len(), errors.iter().map(|error| error.0).sum::<f64>() / errors.len() as f64);
+    println!("{name}: mean {mean:+.4} of {count} pixels; worst:");
+    for (error, i, taken) in errors.iter().take(8) {
+        println!("  {error:+.3} at {}, {}, which takes {taken:.3}", i % SIZE.x as usize, i / SIZE.x as usize);
+    }
+    let worst = errors.first().map_or(1.0, |error| error.0.abs());
+    assert!(count >= 50 && mean.abs() < 0.03 && worst < tolerance, "{name}: mean {mean}, worst {worst} of {count}");
+    for entity in entities {
+        stage.world().despawn(entity);
+    }
+}
+
 /// The share of light that fog takes and does not absorb, it scatters: as much comes from it as its walls send. From within and from
 /// outside, through several volumes, with a texture and without, in whatever direction it scatters; at fifty points and in the mean.
 fn furnace_is_even(forward: bool) {
@@ -165,31 +200,7 @@ fn furnace_is_even(forward: bool) {
             0.04,
         ),
     ] {
-        let way = on_the_way(&volumes[0].0, &volumes[0].1);
-        let (absorption, scattering) = (volumes[0].0.absorption, volumes[0].0.scattering);
-        let entities: Vec<_> = volumes.into_iter().map(|(fog, place)| spawn_fog(&mut stage, fog, place)).collect();
-        let found = scattered(&mut stage, settings);
-        let whole = f64::from(EMITTED / (1.0 - ALBEDO) * scattering / (absorption + scattering)) * way;
-        let mut errors: Vec<_> = found
-            .light
-            .pixels
-            .iter()
-            .zip(&found.taken)
-            .enumerate()
-            .filter(|(_, (_, taken))| **taken > 0.1)
-            .map(|(i, (light, taken))| (luminance(*light) / (taken * whole) - 1.0, i, *taken))
-            .collect();
-        errors.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
-        let (count, mean) = (errors.len(), errors.iter().map(|error| error.0).sum::<f64>() / errors.len() as f64);
-        println!("{name}: mean {mean:+.4} of {count} pixels; worst:");
-        for (error, i, taken) in errors.iter().take(8) {
-            println!("  {error:+.3} at {}, {}, which takes {taken:.3}", i % SIZE.x as usize, i / SIZE.x as usize);
-        }
-        let worst = errors.first().map_or(1.0, |error| error.0.abs());
-        assert!(count >= 50 && mean.abs() < 0.03 && worst < tolerance, "{name}: mean {mean}, worst {worst} of {count}");
-        for entity in entities {
-            stage.world().despawn(entity);
-        }
+        assert_is_even(&mut stage, name, volumes, settings, tolerance);
     }
 }
 
@@ -202,6 +213,68 @@ fn fog_in_a_furnace_is_as_bright_as_its_walls() {
 #[test]
 fn fog_in_a_forward_app_is_lit_too() {
     furnace_is_even(true);
+}
+
+/// Where rays are parallel, too, before and behind the plane of the eye: by the closed form, as all of them go through as much fog.
+#[test]
+fn fog_is_even_in_an_orthographic_view() {
+    let mut stage = stage_of(SIZE, FURNACE, false, furnace);
+    let camera = stage.only::<GlobalIllumination>();
+    let lens = OrthographicProjection {
+        near: -1.0,
+        far: 4.0,
+        scaling_mode: ScalingMode::FixedVertical { viewport_height: 1.2 },
+        ..OrthographicProjection::default_3d()
+    };
+    stage.world().entity_mut(camera).insert((Projection::Orthographic(lens), Transform::from_xyz(0.1, 0.1, 0.0)));
+    for (name, z) in [("before", -0.8), ("behind", 0.4)] {
+        let place = Transform { scale: Vec3::new(2.7, 2.7, 0.7), ..Transform::from_xyz(0.0, 0.0, z) };
+        let fog = fog(3.0 * FOG);
+        let extinction = fog.absorption + fog.scattering;
+        let taken = 1.0 - f64::from(-fog.density_factor * extinction * place.scale.z).exp();
+        let whole = f64::from(EMITTED / (1.0 - ALBEDO) * fog.scattering / extinction) * on_the_way(&fog, &place);
+        let volume = spawn_fog(&mut stage, fog, place);
+        let found = scattered(&mut stage, FURNACE).light;
+        stage.world().despawn(volume);
+        let shares: Vec<f64> = found.pixels.iter().map(|light| luminance(*light) / (whole * taken)).collect();
+        let (least, most) = shares.iter().fold((f64::MAX, 0.0f64), |(least, most), x| (least.min(*x), most.max(*x)));
+        println!("{name} the eye: {least:.3} to {most:.3} of what a closed form says");
+        assert!(least > 0.92 && most < 1.08, "{name} the eye: {least} to {most}");
+    }
+}
+
+/// Under a sky that is bright above, fog that scatters forwards is brighter where one looks up, and fog that scatters backwards as much
+/// brighter where one looks down.
+#[test]
+fn fog_is_brighter_towards_the_light_where_it_scatters_forwards() {
+    let settings = GiSettings { grid: 32, sky: 256, ..FEW };
+    let mut stage = stage_of(SIZE, settings, false, |app| {
+        app.add_systems(Startup, |mut build: Builder, mut images: ResMut<Assets<Image>>| {
+            let paint = build.paint([0.0; 3]);
+            build.block(Vec3::new(2.0, 0.0, -2.0), Vec3::splat(0.1), 0.0, &paint);
+            let (above, below) = (Color::WHITE, Color::BLACK);
+            let sky = EnvironmentMapLight::hemispherical_gradient(&mut images, above, below, below);
+            let sky = EnvironmentMapLight { intensity: 200.0, ..sky };
+            build.commands.spawn((Camera3d::default(), GlobalIllumination::default(), sky, Exposure { ev100: 8.0 }));
+        });
+    });
+    show(&mut stage, Some(camera_fog()));
+    let camera = stage.only::<GlobalIllumination>();
+    let mut towards = |asymmetry: f32, direction: Vec3| {
+        let eye = Transform::from_xyz(0.0, 2.0, 0.0).looking_to(direction, Vec3::X);
+        let place = Transform::from_translation(eye.translation + 2.0 * direction);
+        stage.world().entity_mut(camera).insert(eye);
+        let volume = spawn_fog(&mut stage, FogVolume { scattering_asymmetry: asymmetry, ..fog(0.5) }, place);
+        let picture = settled(&mut stage, settings);
+        stage.world().despawn(volume);
+        // Without the sky behind the fog, which is not drawn.
+        luminance(picture.at(SIZE.x as usize / 2, SIZE.y as usize / 2))
+    };
+    let [even, forwards, backwards] = [0.0, 0.8, -0.8].map(|g| [Vec3::Y, Vec3::NEG_Y].map(|to| towards(g, to)));
+    println!("up and down: even {even:?}, forwards {forwards:?}, backwards {backwards:?} cd/m^2");
+    assert!((even[0] / even[1] - 1.0).abs() < 0.05, "even fog: {even:?}");
+    assert!(forwards[0] > 3.0 * forwards[1], "forwards: {forwards:?}");
+    assert!((backwards[1] / forwards[0] - 1.0).abs() < 0.1, "backwards {backwards:?}, forwards {forwards:?}");
 }
 
 /// In the open fog is as bright as an even sky, whatever way it scatters; in a closed room it is dark.

@@ -7,6 +7,8 @@ use bevy_bounce_shaders::SHADERS;
 use bevy_bounce_tests::compose::{Composed, compose};
 use bevy_bounce_tests::layout;
 use bevy_bounce_tests::translate::{Demand, translate_everywhere};
+use naga::valid::Capabilities;
+use naga_oil::compose::{ComposableModuleDescriptor, Composer, NagaModuleDescriptor};
 
 /// Compute shaders and imported modules, each with every set of the definitions that it asks for. What reads Bevy's view
 /// bindings needs the definitions of a view: see `pipelines`.
@@ -108,4 +110,23 @@ fn constants_are_the_same_in_rust_and_wgsl() {
             }
         }
     }
+}
+
+/// With its feature `glsl`, which no package of the workspace may ask for, naga_oil gives up at such modules; Bevy has them wherever a GPU
+/// binds arrays of textures.
+#[test]
+fn modules_that_bind_arrays_compose() {
+    let mut composer = Composer::default().with_capabilities(Capabilities::all());
+    let arrays = "
+        #define_import_path arrays
+        @group(0) @binding(0) var textures: binding_array<texture_2d<f32>, 4>;
+        fn texel(i: u32) -> vec4<f32> { return textureLoad(textures[i], vec2<i32>(0), 0); }";
+    let module = ComposableModuleDescriptor { source: arrays, file_path: "arrays.wgsl", ..Default::default() };
+    composer.add_composable_module(module).expect("composes");
+    let source = "
+        #import arrays::texel
+        @fragment fn fragment() -> @location(0) vec4<f32> { return texel(0u); }";
+    let module = NagaModuleDescriptor { source, file_path: "texel.wgsl", ..Default::default() };
+    let module = composer.make_naga_module(module).expect("composes");
+    assert_eq!(module.entry_points.len(), 1);
 }

@@ -22,7 +22,7 @@
 //! | light | 7 MiB | what all volumes scatter, and what they take of the light behind |
 //!
 //! There are twice as many froxels along the picture's longer edge, and slices, as [`GiSettings::probes`](crate::GiSettings::probes) states, and none
-//! where that is 0. Slices lie between the nearest and the farthest volume and become thicker with distance.
+//! where that is 0. Slices lie between the nearest and the farthest volume that the view looks at, and become thicker with distance.
 //!
 //! # Cost
 //!

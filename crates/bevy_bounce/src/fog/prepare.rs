@@ -1,6 +1,7 @@
 //! The fog of a view: its ambient term, its volumes, and the texture that their light is gathered in.
 
 use bevy::light::{FogVolume, VolumetricFog};
+use bevy::math::primitives::ViewFrustum;
 use bevy::prelude::*;
 use bevy::render::camera::ExtractedCamera;
 use bevy::render::render_asset::RenderAssets;
@@ -140,18 +141,42 @@ fn parameters(fog: &VolumetricFog, volume: &FogVolume, place: &GlobalTransform) 
     })
 }
 
-/// World units from a volume's centre to its corners.
+/// World units from a volume's centre to its corners, as Bevy has it.
 fn radius(place: &GlobalTransform) -> f32 {
     place.affine().transform_vector3(Vec3::splat(0.5)).length()
 }
 
+/// World units from a volume's centre to the farthest of its corners.
+fn reach(place: &GlobalTransform) -> f32 {
+    let diagonals = [Vec3::ONE, Vec3::new(-1.0, 1.0, 1.0), Vec3::new(1.0, -1.0, 1.0), Vec3::new(1.0, 1.0, -1.0)];
+    let lengths = diagonals.map(|diagonal| place.affine().transform_vector3(0.5 * diagonal).length());
+    lengths.into_iter().fold(0.0, f32::max)
+}
+
+/// What a view looks at.
+fn frustum_of(view: &ExtractedView) -> ViewFrustum {
+    let clip_from_world = || view.clip_from_view * view.world_from_view.to_matrix().inverse();
+    ViewFrustum::from_clip_from_world(&view.clip_from_world.unwrap_or_else(clip_from_world))
+}
+
 /// World units from the eye, or from its plane where rays are parallel, between which a volume lies, however the eye turns: a function
-/// of its sphere.
-fn distances(view: &ExtractedView, place: &GlobalTransform) -> (f32, f32) {
-    let to_centre = place.translation() - view.world_from_view.translation();
+/// of its sphere. `None` where the view does not look at that.
+fn distances(view: &ExtractedView, frustum: &ViewFrustum, place: &GlobalTransform) -> Option<(f32, f32)> {
+    let (centre, reach) = (place.translation(), reach(place));
+    // But for the far plane, which Bevy's fog does not end at.
+    let planes = &frustum.half_spaces[..ViewFrustum::FAR_PLANE_IDX];
+    if planes.iter().any(|plane| plane.normal_d().dot(centre.extend(1.0)) <= -reach) {
+        return None;
+    }
+    let to_centre = centre - view.world_from_view.translation();
     let is_parallel = view.clip_from_view.w_axis.w == 1.0;
-    let distance = if is_parallel { to_centre.dot(*view.world_from_view.forward()) } else { to_centre.length() };
-    ((distance - radius(place)).max(0.0), distance + radius(place))
+    let (distance, nearest) = if is_parallel {
+        let near_plane = -view.clip_from_view.inverse().project_point3(Vec3::Z).z;
+        (to_centre.dot(*view.world_from_view.forward()), near_plane)
+    } else {
+        (to_centre.length(), 0.0)
+    };
+    Some(((distance - reach).max(nearest), distance + reach))
 }
 
 /// Columns, rows and slices of a viewport of those pixels.
@@ -188,12 +213,15 @@ pub(super) fn prepare_fog(
             continue;
         }
         let dims = froxel_dims(asked.froxels, view.viewport.zw());
+        let frustum = frustum_of(view);
         let mut froxels = Vec::<FroxelParameters>::new();
         for (volume, place) in &volumes {
-            let (near, far) = distances(view, place);
-            let is_there = far > 0.0 && volume.density_factor != 0.0;
-            let Some(parameters) = parameters(fog, volume, place).filter(|_| is_there) else { continue };
             let asymmetry = volume.scattering_asymmetry;
+            if volume.density_factor == 0.0 || !asymmetry.is_finite() {
+                continue;
+            }
+            let Some((near, far)) = distances(view, &frustum, place) else { continue };
+            let Some(parameters) = parameters(fog, volume, place) else { continue };
             let known = froxels.iter().position(|known| known.asymmetry == asymmetry).unwrap_or(froxels.len());
             match froxels.get_mut(known) {
                 Some(known) => {
@@ -240,6 +268,18 @@ fn texture(label: &'static str, size: UVec3, dimension: TextureDimension) -> Tex
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_sheared_volume_reaches_to_its_farthest_corner() {
+        let stretched = GlobalTransform::from(Transform::from_scale(Vec3::new(4.0, 1.0, 1.0)));
+        let turned = GlobalTransform::from(Transform::from_rotation(Quat::from_rotation_z(-0.7)));
+        let sheared = stretched * turned;
+        let corner = |x, y, z| sheared.affine().transform_vector3(Vec3::new(x, y, z)).length();
+        let corners = [corner(0.5, 0.5, 0.5), corner(0.5, -0.5, 0.5), corner(-0.5, 0.5, 0.5), corner(0.5, 0.5, -0.5)];
+        assert_eq!(reach(&sheared), corners.into_iter().fold(0.0, f32::max));
+        let square = GlobalTransform::from(Transform::from_scale(Vec3::new(1.0, 2.0, 3.0)));
+        assert_eq!(reach(&square), radius(&square));
+    }
 
     #[test]
     fn froxels_are_as_many_along_the_longest_edge() {
