@@ -64,14 +64,14 @@ fn the_best_quality_equals_references_closely() {
 }
 
 #[test]
-#[ignore = "takes a minute on a software adapter"]
-fn a_church_equals_its_reference() {
-    assert_agreement(&[("sibenik", &LARGE_SCENE)], Quality::default());
+#[ignore = "takes two minutes on a software adapter"]
+fn a_church_and_a_dining_room_equal_their_references() {
+    assert_agreement(&[("sibenik", &LARGE_SCENE), ("breakfast_room", &LARGE_SCENE)], Quality::default());
 }
 
 #[test]
-#[ignore = "low 0.332 in sponza, 0.343 in breakfast_room, 0.523 in living_room, of 0.30; there energy 0.826, of 0.90"]
+#[ignore = "low 0.328 in sponza, 0.447 in living_room, of 0.30; there energy 0.866, of 0.90"]
 fn large_scenes_with_textures_equal_their_references() {
-    let scenes = ["sponza", "breakfast_room", "living_room"].map(|name| (name, &LARGE_SCENE));
+    let scenes = ["sponza", "living_room"].map(|name| (name, &LARGE_SCENE));
     assert_agreement(&scenes, Quality::default());
 }
