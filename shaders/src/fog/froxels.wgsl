@@ -9,11 +9,13 @@
 // less light than at them. Two such functions, one after the other, are one with the product of their asymmetries: a direction of the sky
 // stands for a lobe as wide as directions are apart.
 //
-// A froxel behind what its middle shows takes the light before that.
+// A froxel behind what its middle shows is seen beside that, if at all: it takes the light where a pixel around sees as far, or, where none
+// does, before what is seen farthest.
 //
 // Cost: a thread a froxel, about 50 operations a light that faces it; besides a ray, or the lookup of a depth; a ray for each direction of the sky.
+// Up to 17 loads of a depth.
 
-#import bevy_bounce::fog::rays::{eye_ray, uv_to_ndc, position_in_view}
+#import bevy_bounce::fog::rays::{EyeRay, eye_ray, uv_to_ndc, position_in_view}
 #import bevy_bounce::fog::types::{FroxelParameters, froxel_distance}
 #import bevy_bounce::interleaved::gather::{header, vpls, is_visible}
 #import bevy_bounce::interleaved::surface::Surface
@@ -108,6 +110,47 @@ fn of_sky(position: vec3<f32>, ahead: vec3<f32>) -> vec3<f32> {
 }
 #endif
 
+/// Rings of eight pixels around the middle, half a column apart: pictures are interpolated over as much.
+const RINGS: u32 = 2u;
+
+// Along the ray through a place in the viewport, from the near plane: as far as asked, or before what is seen there.
+struct Reach {
+    ray: EyeRay,
+    along: f32,
+    is_whole: bool,
+}
+
+fn reach(place: vec2<f32>, distance: f32) -> Reach {
+    let ndc = uv_to_ndc(place);
+    let ray = eye_ray(view, ndc);
+    let wanted = max(distance - ray.distance, 0.0);
+    let last = view.viewport.zw - 1.0;
+    let pixel = vec2<i32>(view.viewport.xy + clamp(place * view.viewport.zw, vec2<f32>(0.0), last));
+    let depth = textureLoad(depth_texture, pixel, 0).x;
+    if depth == 0.0 {
+        return Reach(ray, wanted, true);
+    }
+    let surface = -position_in_view(view, vec3<f32>(ndc, depth)).z;
+    let free = max(BEFORE * (surface - ray.depth) / ray.deepens, 0.0);
+    return Reach(ray, min(wanted, free), free >= wanted);
+}
+
+// Where a froxel takes its light.
+fn farthest_reach(middle: vec2<f32>, distance: f32) -> Reach {
+    var best = reach(middle, distance);
+    let step = 0.5 / vec2<f32>(froxels.dims.xy);
+    for (var ring = 1u; ring <= RINGS; ring++) {
+        for (var i = 0u; i < 9u && !best.is_whole; i++) {
+            let aside = vec2<f32>(f32(i % 3u), f32(i / 3u)) - 1.0;
+            let found = reach(clamp(middle + aside * step * f32(ring), vec2<f32>(0.0), vec2<f32>(1.0)), distance);
+            if found.is_whole || found.along > best.along {
+                best = found;
+            }
+        }
+    }
+    return best;
+}
+
 @compute @workgroup_size(64)
 fn light_froxels(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let entry = folded_index(group) * 64u + lane;
@@ -117,15 +160,8 @@ fn light_froxels(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
     }
     let froxel = vec3<u32>(entry % dims.x, (entry / dims.x) % dims.y, entry / (dims.x * dims.y));
     let place = (vec3<f32>(froxel) + 0.5) / vec3<f32>(dims);
-    let ndc = uv_to_ndc(place.xy);
-    let ray = eye_ray(view, ndc);
-    var along = froxel_distance(froxels, place.z) - ray.distance;
-    let depth = textureLoad(depth_texture, vec2<i32>(view.viewport.xy + place.xy * view.viewport.zw), 0).x;
-    if depth > 0.0 {
-        let surface = -position_in_view(view, vec3<f32>(ndc, depth)).z;
-        along = min(along, BEFORE * (surface - ray.depth) / ray.deepens);
-    }
-    let position = ray.origin + ray.direction * max(along, 0.0);
-    let light = of_lights(position, ray.direction) + of_sky(position, ray.direction);
+    let seen = farthest_reach(place.xy, froxel_distance(froxels, place.z));
+    let position = seen.ray.origin + seen.ray.direction * seen.along;
+    let light = of_lights(position, seen.ray.direction) + of_sky(position, seen.ray.direction);
     textureStore(output, froxel, vec4<f32>(min(light * view.exposure, vec3<f32>(BRIGHTEST)), 1.0));
 }

@@ -36,7 +36,7 @@
 //! send to each other.
 //!
 //! The sky's light comes from [`GiSettings::sky`](crate::GiSettings::sky) directions, and is scattered no more straight on than these are apart: of a bright
-//! part of the sky fog shows a wider and dimmer glow than of a lamp. What is seen in the middle of a column of froxels decides how far it reaches.
+//! part of the sky fog shows a wider and dimmer glow than of a lamp. A froxel behind what is seen in the middle of its column takes the light where pixels beside that see as far.
 //!
 //! What is scattered in one direction comes from few lights, which shows where they are sparse. Beside traced paths at fifty points of the Cornell
 //! box all are within 15 % at a `FogVolume::scattering_asymmetry` of 0, 49 at 0.5 and 48 at 0.8, Bevy's default, with [`Quality::High`](crate::Quality::High); the
