@@ -150,8 +150,10 @@ impl Resolution {
     }
 }
 
-/// Virtual lights times triangles that are drawn into their shadow maps, at most.
+/// Virtual lights times triangles that are drawn into their shadow maps.
 const OCCLUSION_BUDGET: u32 = 1 << 25;
+/// The same at most, where coarser versions of the meshes would be too far off.
+const LARGEST_OCCLUSION_BUDGET: u32 = 1 << 28;
 
 /// How far around the camera light is fine by default, world units.
 const RANGE: f32 = 40.0;
@@ -227,11 +229,20 @@ impl GiSettings {
 }
 
 impl StatedLights {
-    /// Triangles that cast shadows, at most: levels of detail are chosen accordingly. One dispatch places them, a workgroup a
-    /// mesh or more.
-    pub fn occluders(&self) -> u32 {
-        (OCCLUSION_BUDGET / self.0.max(1)).min(MAX_WORKGROUPS)
+    /// Triangles that cast shadows, and how many these may be where so few would be too coarse: levels of detail are chosen accordingly.
+    /// One dispatch places them, a workgroup a mesh or more.
+    pub fn occluders(&self) -> OccluderBudget {
+        let [few, many] =
+            [OCCLUSION_BUDGET, LARGEST_OCCLUSION_BUDGET].map(|pairs| (pairs / self.0.max(1)).min(MAX_WORKGROUPS));
+        OccluderBudget { few, many }
     }
+}
+
+/// See [`StatedLights::occluders`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct OccluderBudget {
+    pub few: u32,
+    pub many: u32,
 }
 
 /// What a virtual point light can see.
@@ -246,8 +257,8 @@ pub enum VplVisibility {
     /// triangles. Coarse: bounced light is too dark in large scenes.
     Ism,
     /// A shadow map over the hemisphere of every virtual light, into which the scene's triangles are drawn; of large meshes, a
-    /// coarser version. Triangles times lights are bounded: where a scene has so many that the coarser versions would be more
-    /// than a voxel off, lights see as with `Voxel`.
+    /// coarser version. Triangles times lights are bounded: by 34 million while the coarser versions are no more than a voxel off, else by
+    /// 268 million. Where even so many would be coarser, lights see as with `Voxel`.
     #[default]
     Atlas,
     /// As `Atlas`, but what lights on a [`CssmObject`](crate::CssmObject) see of that is looked up in its bake, whatever its triangles: there

@@ -226,6 +226,11 @@ fn nest(regions: &[Bounds], edge: u32) -> Grid {
     grid
 }
 
+/// Edge of the voxels of the finest of the grids over these regions, world units.
+pub(crate) fn finest_voxel(regions: &[Bounds], edge: u32) -> f32 {
+    nest(regions, edge).voxel_size
+}
+
 /// A level that begins where another ends.
 fn after(level: &GridLevel) -> GridLevel {
     let count = |edge: u32| level.dims.map(|voxels| voxels.div_ceil(edge)).element_product();

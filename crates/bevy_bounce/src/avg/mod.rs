@@ -50,7 +50,7 @@ use crate::compute::load_shaders;
 use crate::plugins::{GiSystems, configure_stages};
 use crate::recovery::forget_resource;
 
-pub(crate) use grid::{PHASE, VoxelGrid, Workspace, prepare_grid};
+pub(crate) use grid::{PHASE, VoxelGrid, Workspace, finest_voxel, prepare_grid};
 pub(crate) use groups::{GROUP_CELLS, has_room_for_groups};
 pub use groups::{GroupCounts, group_counts};
 pub(crate) use pipelines::{bind_grid, bind_sky, grid_layout, sky_layout};

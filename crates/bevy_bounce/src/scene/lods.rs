@@ -5,6 +5,7 @@ use meshoptimizer_rs::{
 };
 
 use super::deviation::deviation;
+use crate::settings::OccluderBudget;
 
 /// Triangles below which a mesh is not made coarser.
 const COARSEST: usize = 24;
@@ -93,40 +94,52 @@ pub(super) struct Choice {
     pub error: f32,
 }
 
-/// Levels that have at most `budget` triangles together, with the smallest error. Where even the coarsest are too many, the
-/// smallest candidates are left out.
-pub(super) fn choose(candidates: &[&Candidate], budget: u32) -> Choice {
-    let levels = |tolerance: f32| -> Vec<usize> {
-        let coarsest = |c: &Candidate| c.lods.iter().rposition(|lod| lod.error * c.scale <= tolerance).unwrap_or(0);
+/// Levels that have at most `budget.few` triangles together, with the smallest error. Where that is above `tolerance`, world units, the
+/// coarsest that are not, if they have at most `budget.many`. Where even the coarsest are too many, the smallest candidates are left out.
+pub(super) fn choose(candidates: &[&Candidate], budget: OccluderBudget, tolerance: f32) -> Choice {
+    let levels = |error: f32| -> Vec<usize> {
+        let coarsest = |c: &Candidate| c.lods.iter().rposition(|lod| lod.error * c.scale <= error).unwrap_or(0);
         candidates.iter().map(|candidate| coarsest(candidate)).collect()
     };
-    let total = |levels: &[usize]| -> u64 {
-        candidates.iter().zip(levels).map(|(c, &level)| u64::from(c.lods[level].triangle_count)).sum()
+    let total = |error: f32| -> u64 {
+        candidates.iter().zip(levels(error)).map(|(c, level)| u64::from(c.lods[level].triangle_count)).sum()
     };
-    let mut tolerances: Vec<f32> = candidates
+    let mut errors: Vec<f32> = candidates
         .iter()
         .flat_map(|c| c.lods.iter().map(|lod| lod.error * c.scale))
         .filter(|e| e.is_finite())
         .collect();
-    tolerances.sort_unstable_by(f32::total_cmp);
-    tolerances.dedup();
-    let fits = |tolerance: &f32| total(&levels(*tolerance)) <= u64::from(budget);
-    let first = tolerances.partition_point(|tolerance| !fits(tolerance));
-    let tolerance = tolerances.get(first).copied().unwrap_or(f32::MAX);
-    let chosen = levels(tolerance);
+    errors.sort_unstable_by(f32::total_cmp);
+    errors.dedup();
+    let first_fitting = errors.partition_point(|error| total(*error) > u64::from(budget.few));
+    let last_tolerated = errors.partition_point(|error| *error <= tolerance).checked_sub(1);
+    let beyond = last_tolerated
+        .filter(|last| *last < first_fitting)
+        .map(|last| errors[last])
+        .filter(|error| total(*error) <= u64::from(budget.many));
+    let (error, budget) = match beyond {
+        Some(error) => (error, budget.many),
+        None => (errors.get(first_fitting).copied().unwrap_or(f32::MAX), budget.few),
+    };
+    let taken = largest_within(candidates, &levels(error), budget);
+    let all_cast = taken.iter().all(Option::is_some);
+    Choice { levels: taken, error: if all_cast { error } else { f32::INFINITY } }
+}
+
+/// The level of each candidate; of the smallest none, if they would be more than `budget` triangles.
+fn largest_within(candidates: &[&Candidate], levels: &[usize], budget: u32) -> Vec<Option<usize>> {
     let mut order: Vec<usize> = (0..candidates.len()).collect();
     order.sort_by(|&a, &b| candidates[b].size.total_cmp(&candidates[a].size).then(a.cmp(&b)));
     let mut taken = vec![None; candidates.len()];
     let mut left = budget;
     for index in order {
-        let triangles = candidates[index].lods[chosen[index]].triangle_count;
+        let triangles = candidates[index].lods[levels[index]].triangle_count;
         if let Some(rest) = left.checked_sub(triangles) {
             left = rest;
-            taken[index] = Some(chosen[index]);
+            taken[index] = Some(levels[index]);
         }
     }
-    let all_cast = taken.iter().all(Option::is_some);
-    Choice { levels: taken, error: if all_cast { tolerance } else { f32::INFINITY } }
+    taken
 }
 
 #[cfg(test)]
@@ -200,15 +213,29 @@ mod tests {
         let (fine, coarse) = (lods(&[1000, 250, 60]), lods(&[800, 200]));
         let candidates =
             [Candidate { lods: &fine, scale: 1.0, size: 1.0 }, Candidate { lods: &coarse, scale: 0.1, size: 0.5 }];
-        let chosen = |budget| choose(&candidates.each_ref(), budget).levels;
+        let few = |few| choose(&candidates.each_ref(), OccluderBudget { few, many: few }, 0.0);
+        let chosen = |budget| few(budget).levels;
         assert_eq!(chosen(1800), [Some(0), Some(0)]);
         assert_eq!(chosen(1799), [Some(0), Some(1)], "the smaller one has the smaller error");
         assert_eq!(chosen(1199), [Some(1), Some(1)]);
         assert_eq!(chosen(260), [Some(2), Some(1)]);
         assert_eq!(chosen(259), [Some(2), None], "the smaller one is left out");
         assert_eq!(chosen(0), [None, None]);
-        let error = |budget| choose(&candidates.each_ref(), budget).error;
-        assert_eq!([1800, 1799, 1199, 259].map(error), [0.0, 0.1, 1.0, f32::INFINITY]);
-        assert!(choose(&[], 100).levels.is_empty());
+        assert_eq!([1800, 1799, 1199, 259].map(|budget| few(budget).error), [0.0, 0.1, 1.0, f32::INFINITY]);
+        assert!(choose(&[], OccluderBudget { few: 100, many: 100 }, 0.0).levels.is_empty());
+    }
+
+    #[test]
+    fn the_budget_grows_as_far_as_the_tolerance_asks() {
+        let lods = lods(&[1000, 250, 60]);
+        let candidates = [Candidate { lods: &lods, scale: 1.0, size: 1.0 }];
+        let error =
+            |few, many, tolerance| choose(&candidates.each_ref(), OccluderBudget { few, many }, tolerance).error;
+        assert_eq!(error(100, 1000, 2.0), 2.0, "fine enough as it is");
+        assert_eq!(error(100, 1000, 1.9), 1.0, "the coarsest that is tolerated");
+        assert_eq!(error(100, 1000, 0.5), 0.0);
+        assert_eq!(error(100, 999, 0.5), 2.0, "too many: as if nothing were tolerated");
+        assert_eq!(error(300, 1000, 1.5), 1.0);
+        assert_eq!(error(1000, 1000, 1.5), 0.0, "no coarser than it must be");
     }
 }

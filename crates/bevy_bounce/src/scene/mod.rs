@@ -74,6 +74,7 @@ pub(crate) use self::bounds::Bounds;
 pub use self::groups::VoxelizedGroup;
 pub(crate) use self::groups::{GroupGrid, Groups};
 pub(crate) use self::instances::Instances;
+pub(crate) use self::occluders::LARGEST_ERROR;
 pub(crate) use self::prepare::SceneBuffers;
 pub(crate) use self::regions::Regions;
 pub(crate) use self::sky::SkyBuffers;
@@ -174,8 +175,8 @@ impl Plugin for GiScenePlugin {
                         update_instances,
                         update_deformed,
                         resolve_instances,
-                        choose_occluders,
                         place_regions,
+                        choose_occluders,
                         update_groups,
                         update_lights,
                         update_sky,

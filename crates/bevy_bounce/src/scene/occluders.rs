@@ -7,9 +7,14 @@ use bevy_bounce_shaders::types::{CHUNK_TRIANGLES, OccluderChunk, POINT_SUBSETS, 
 use super::instances::Instances;
 use super::lods::{Candidate, choose};
 use super::meshes::Meshes;
+use super::regions::Regions;
 use super::table::GpuTable;
 use crate::VplVisibility;
-use crate::settings::{GiSettings, GiWorldSettings, StatedLights};
+use crate::avg::finest_voxel;
+use crate::settings::{GiSettings, GiWorldSettings, OccluderBudget, StatedLights};
+
+/// Voxels by which the meshes that cast may be off their surfaces. Beyond that lights see by rays through the grid.
+pub(crate) const LARGEST_ERROR: f32 = 1.0;
 
 /// See the module.
 #[derive(Resource)]
@@ -22,7 +27,18 @@ pub(super) struct Occluders {
     pub points: GpuTable<SurfacePoint>,
     /// Of a point, for a light that takes its share of them; square world units.
     pub point_area: f32,
-    made_for: Option<(u32, VplVisibility, u32, u32)>,
+    made_for: Option<Reasons>,
+}
+
+/// What the choice follows from.
+#[derive(Clone, Copy, PartialEq)]
+struct Reasons {
+    generation: u32,
+    visibility: VplVisibility,
+    budget: OccluderBudget,
+    tile: u32,
+    /// World units that triangles may be off their surfaces.
+    tolerance: f32,
 }
 
 impl Default for Occluders {
@@ -68,13 +84,20 @@ pub(super) fn choose_occluders(
     meshes: Res<Meshes>,
     settings: Res<GiWorldSettings>,
     stated: Res<StatedLights>,
+    regions: Res<Regions>,
 ) {
     let Some(settings) = settings.0 else { return };
-    let wanted = Some((instances.generation(), settings.visibility, stated.occluders(), settings.tile));
-    if occluders.made_for == wanted {
+    let wanted = Reasons {
+        generation: instances.generation(),
+        visibility: settings.visibility,
+        budget: stated.occluders(),
+        tile: settings.tile,
+        tolerance: LARGEST_ERROR * finest_voxel(regions.boxes(), settings.grid),
+    };
+    if occluders.made_for == Some(wanted) {
         return;
     }
-    occluders.made_for = wanted;
+    occluders.made_for = Some(wanted);
     let casters: Vec<Caster> = instances
         .present()
         .filter_map(|(slot, mesh, bounds)| {
@@ -86,7 +109,7 @@ pub(super) fn choose_occluders(
         })
         .collect();
     let triangles = settings.visibility >= VplVisibility::Atlas;
-    let (chunks, error) = if triangles { chunks(&casters, stated.occluders()) } else { (Vec::new(), 0.0) };
+    let (chunks, error) = if triangles { chunks(&casters, &wanted) } else { (Vec::new(), 0.0) };
     occluders.chunks.replace(chunks.into_iter());
     occluders.error = error;
     let count = if settings.visibility == VplVisibility::Ism { point_count(&settings) } else { 0 };
@@ -101,11 +124,11 @@ fn point_count(settings: &GiSettings) -> u32 {
 }
 
 /// Chunks of the triangles that cast, and their error in world units.
-fn chunks(casters: &[Caster], budget: u32) -> (Vec<OccluderChunk>, f32) {
+fn chunks(casters: &[Caster], wanted: &Reasons) -> (Vec<OccluderChunk>, f32) {
     let candidates: Vec<&Candidate> = casters.iter().map(|caster| &caster.candidate).collect();
     let mut chunks = Vec::new();
     let mut first_occluder = 0;
-    let choice = choose(&candidates, budget);
+    let choice = choose(&candidates, wanted.budget, wanted.tolerance);
     for (caster, level) in casters.iter().zip(choice.levels) {
         let Some(lod) = level.map(|level| caster.candidate.lods[level]) else { continue };
         let error = error_steps(lod.error * caster.candidate.scale / choice.error);

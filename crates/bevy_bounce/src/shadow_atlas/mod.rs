@@ -5,7 +5,7 @@
 //! | buffer | bytes at 1024 lights, tiles of 32 x 32 | holds |
 //! |---|---|---|
 //! | `atlas` | 4 MiB | light by light: depth (14 bits of the scene's diagonal), how far what casts may be off its surface (2 bits), and normal over its hemisphere |
-//! | `occluders` | 48 B a triangle, 768 KiB at most | triangles that cast, in the world |
+//! | `occluders` | 48 B a triangle, 3 MiB at most | triangles that cast, in the world |
 //! | `eyes` | 8 B a light, where visibility is baked | object and texel that each light is on |
 //!
 //! A tile maps the hemisphere to a square by the half octahedron, without waste. Each texel is tested against the planes through
@@ -44,7 +44,8 @@
 //!
 //! Work grows with lights times triangles, which is bounded: large meshes cast by a coarser version, made when the mesh is
 //! loaded, and what lies within its error of a map's surface is on that surface: each texel knows that of the mesh it shows.
-//! Where it would be more than a voxel off, no maps are drawn, and lights see by rays through the grid.
+//! 34 million of these pairs are drawn, or as many more as it takes that nothing is more than a voxel off. Where that is more than 268 million,
+//! no maps are drawn, and lights see by rays through the grid.
 //!
 //! # Where it differs from the paper
 //!

@@ -7,11 +7,8 @@ use bevy_bounce_shaders::types::{AtlasParameters, Occluder, WorldPoint};
 
 use crate::VplVisibility;
 use crate::avg::VoxelGrid;
-use crate::scene::SceneBuffers;
+use crate::scene::{LARGEST_ERROR, SceneBuffers};
 use crate::settings::{GiWorldSettings, StatedLights};
-
-/// Voxels by which the meshes that cast may be off their surfaces. Beyond that lights see by rays through the grid.
-const LARGEST_ERROR: f32 = 1.0;
 
 /// The shadow maps of all virtual lights; there while a camera asks for them and what casts is fine enough.
 #[derive(Resource)]
@@ -87,7 +84,7 @@ pub(super) fn prepare_atlas(
     let atlas_size = atlas_bytes(tile, stated.0);
     let occluder_size = match settings.visibility {
         VplVisibility::Ism => u64::from(counts.points.max(1)) * u64::from(WorldPoint::min_size()),
-        _ => u64::from(stated.occluders()) * u64::from(Occluder::min_size()),
+        _ => u64::from(counts.triangles.next_power_of_two()) * u64::from(Occluder::min_size()),
     };
     let eyes = if settings.visibility == VplVisibility::Baked { stated.0 } else { 1 };
     let sizes = [atlas_size, occluder_size, 8 * u64::from(eyes)];
