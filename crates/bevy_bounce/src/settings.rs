@@ -70,7 +70,8 @@ pub enum Quality {
 #[reflect(Default)]
 pub struct GiSettings {
     /// Edge of the voxel grid, in voxels: the budget is `grid`^3, spread over the scene's bounds, or what of them is in `range`, in cubic voxels.
-    /// 8 to 256; 128 at most where radiance caches are used. Memory and the cost of voxelisation grow with its cube.
+    /// 8 to 256; 128 at most where radiance caches are used. Memory and the cost of voxelisation grow with its cube; large meshes
+    /// may have more triangles in shadow maps.
     #[reflect(@8..=256_u32)]
     pub grid: u32,
     /// How far around the camera bounced light is as fine as the grid makes it, world units: 1 to 10,000. A scene that is wider than twice as far has further grids around that one,
@@ -258,7 +259,7 @@ pub enum VplVisibility {
     Ism,
     /// A shadow map over the hemisphere of every virtual light, into which the scene's triangles are drawn; of large meshes, a
     /// coarser version. Triangles times lights are bounded: by 34 million while the coarser versions are no more than a voxel off, else by
-    /// 268 million. Where even so many would be coarser, lights see as with `Voxel`.
+    /// 268 million, and by 65,535 triangles. Where even so many would be coarser, lights see as with `Voxel`.
     #[default]
     Atlas,
     /// As `Atlas`, but what lights on a [`CssmObject`](crate::CssmObject) see of that is looked up in its bake, whatever its triangles: there

@@ -13,7 +13,7 @@
 // does, before what is seen farthest.
 //
 // Cost: a thread a froxel, about 50 operations a light that faces it; besides a ray, or the lookup of a depth; a ray for each direction of the sky.
-// Up to 17 loads of a depth.
+// Before that, up to 17 rays through pixels, each a load and about 100 operations.
 
 #import bevy_bounce::fog::rays::{EyeRay, eye_ray, uv_to_ndc, position_in_view}
 #import bevy_bounce::fog::types::{FroxelParameters, froxel_distance}
@@ -110,13 +110,24 @@ fn of_sky(position: vec3<f32>, ahead: vec3<f32>) -> vec3<f32> {
 }
 #endif
 
-/// Rings of eight pixels around the middle, half a column apart: pictures are interpolated over as much.
+/// Pixels around the middle of a column: four beside it and the four between these, half a column away and as many a whole one, as far as
+/// columns are interpolated.
+const AROUND: u32 = 8u;
 const RINGS: u32 = 2u;
 
-// Along the ray through a place in the viewport, from the near plane: as far as asked, or before what is seen there.
+fn aside(i: u32) -> vec2<f32> {
+    let signs = select(vec2<f32>(-1.0), vec2<f32>(1.0), (vec2<u32>(i, i >> 1u) & vec2<u32>(1u)) != vec2<u32>(0u));
+    let beside = select(vec2<f32>(signs.x, 0.0), vec2<f32>(0.0, signs.x), (i & 2u) != 0u);
+    return select(beside, signs, i >= 4u);
+}
+
+// Along the ray through a place in the viewport.
 struct Reach {
     ray: EyeRay,
+    // World units from the near plane, as far as asked or before what is seen there.
     along: f32,
+    // From the eye.
+    distance: f32,
     is_whole: bool,
 }
 
@@ -128,24 +139,28 @@ fn reach(place: vec2<f32>, distance: f32) -> Reach {
     let pixel = vec2<i32>(view.viewport.xy + clamp(place * view.viewport.zw, vec2<f32>(0.0), last));
     let depth = textureLoad(depth_texture, pixel, 0).x;
     if depth == 0.0 {
-        return Reach(ray, wanted, true);
+        return Reach(ray, wanted, distance, true);
     }
     let surface = -position_in_view(view, vec3<f32>(ndc, depth)).z;
     let free = max(BEFORE * (surface - ray.depth) / ray.deepens, 0.0);
-    return Reach(ray, min(wanted, free), free >= wanted);
+    let along = min(wanted, free);
+    return Reach(ray, along, ray.distance + along, free >= wanted);
 }
 
-// Where a froxel takes its light.
-fn farthest_reach(middle: vec2<f32>, distance: f32) -> Reach {
-    var best = reach(middle, distance);
-    let step = 0.5 / vec2<f32>(froxels.dims.xy);
-    for (var ring = 1u; ring <= RINGS; ring++) {
-        for (var i = 0u; i < 9u && !best.is_whole; i++) {
-            let aside = vec2<f32>(f32(i % 3u), f32(i / 3u)) - 1.0;
-            let found = reach(clamp(middle + aside * step * f32(ring), vec2<f32>(0.0), vec2<f32>(1.0)), distance);
-            if found.is_whole || found.along > best.along {
-                best = found;
-            }
+// Where a froxel takes its light. The first one behind what the middle shows is interpolated with the one before that, and takes what is
+// before it, too.
+fn farthest_reach(place: vec3<f32>) -> Reach {
+    var best = reach(place.xy, froxel_distance(froxels, place.z));
+    let slice = 1.0 / f32(froxels.dims.z);
+    if best.is_whole || best.distance >= froxel_distance(froxels, place.z - slice) {
+        return best;
+    }
+    for (var i = 0u; i < AROUND * RINGS && !best.is_whole; i++) {
+        let columns = 0.5 * f32(1u + i / AROUND) * aside(i % AROUND);
+        let pixel = clamp(place.xy + columns / vec2<f32>(froxels.dims.xy), vec2<f32>(0.0), vec2<f32>(1.0));
+        let found = reach(pixel, froxel_distance(froxels, place.z));
+        if found.is_whole || found.distance > best.distance {
+            best = found;
         }
     }
     return best;
@@ -160,7 +175,7 @@ fn light_froxels(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
     }
     let froxel = vec3<u32>(entry % dims.x, (entry / dims.x) % dims.y, entry / (dims.x * dims.y));
     let place = (vec3<f32>(froxel) + 0.5) / vec3<f32>(dims);
-    let seen = farthest_reach(place.xy, froxel_distance(froxels, place.z));
+    let seen = farthest_reach(place);
     let position = seen.ray.origin + seen.ray.direction * seen.along;
     let light = of_lights(position, seen.ray.direction) + of_sky(position, seen.ray.direction);
     textureStore(output, froxel, vec4<f32>(min(light * view.exposure, vec3<f32>(BRIGHTEST)), 1.0));

@@ -54,6 +54,14 @@ impl Default for Occluders {
 }
 
 impl Occluders {
+    /// Whether another tolerance changes nothing: few triangles are fine enough for either.
+    fn suffice(&self, made: Reasons, wanted: Reasons) -> bool {
+        let triangles: u32 = self.chunks.values().iter().map(|chunk| chunk.triangle_count).sum();
+        Reasons { tolerance: wanted.tolerance, ..made } == wanted
+            && triangles <= wanted.budget.few
+            && self.error <= made.tolerance.min(wanted.tolerance)
+    }
+
     /// The device the buffers were made on is gone.
     pub fn lose_buffers(&mut self) {
         self.chunks.lose_buffer();
@@ -87,17 +95,20 @@ pub(super) fn choose_occluders(
     regions: Res<Regions>,
 ) {
     let Some(settings) = settings.0 else { return };
+    let triangles = settings.visibility >= VplVisibility::Atlas;
+    let voxel = if triangles { finest_voxel(regions.boxes(), settings.grid) } else { 0.0 };
     let wanted = Reasons {
         generation: instances.generation(),
         visibility: settings.visibility,
         budget: stated.occluders(),
         tile: settings.tile,
-        tolerance: LARGEST_ERROR * finest_voxel(regions.boxes(), settings.grid),
+        tolerance: LARGEST_ERROR * voxel,
     };
-    if occluders.made_for == Some(wanted) {
+    let holds = occluders.made_for.is_some_and(|made| made == wanted || occluders.suffice(made, wanted));
+    occluders.made_for = Some(wanted);
+    if holds {
         return;
     }
-    occluders.made_for = Some(wanted);
     let casters: Vec<Caster> = instances
         .present()
         .filter_map(|(slot, mesh, bounds)| {
@@ -108,7 +119,6 @@ pub(super) fn choose_occluders(
             Some(Caster { slot, index_offset: mesh.index_offset, candidate, areas: &mesh.areas })
         })
         .collect();
-    let triangles = settings.visibility >= VplVisibility::Atlas;
     let (chunks, error) = if triangles { chunks(&casters, &wanted) } else { (Vec::new(), 0.0) };
     occluders.chunks.replace(chunks.into_iter());
     occluders.error = error;

@@ -45,7 +45,7 @@
 //! Work grows with lights times triangles, which is bounded: large meshes cast by a coarser version, made when the mesh is
 //! loaded, and what lies within its error of a map's surface is on that surface: each texel knows that of the mesh it shows.
 //! 34 million of these pairs are drawn, or as many more as it takes that nothing is more than a voxel off. Where that is more than 268 million,
-//! no maps are drawn, and lights see by rays through the grid.
+//! or 65,535 triangles, no maps are drawn, and lights see by rays through the grid.
 //!
 //! # Where it differs from the paper
 //!

@@ -84,7 +84,7 @@ pub(super) fn prepare_atlas(
     let atlas_size = atlas_bytes(tile, stated.0);
     let occluder_size = match settings.visibility {
         VplVisibility::Ism => u64::from(counts.points.max(1)) * u64::from(WorldPoint::min_size()),
-        _ => u64::from(counts.triangles.next_power_of_two()) * u64::from(Occluder::min_size()),
+        _ => u64::from(stated.occluders().many) * u64::from(Occluder::min_size()),
     };
     let eyes = if settings.visibility == VplVisibility::Baked { stated.0 } else { 1 };
     let sizes = [atlas_size, occluder_size, 8 * u64::from(eyes)];
