@@ -242,7 +242,9 @@ impl StatedLights {
 /// See [`StatedLights::occluders`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct OccluderBudget {
+    /// Triangles, where these are fine enough.
     pub few: u32,
+    /// Triangles, where they are not.
     pub many: u32,
 }
 

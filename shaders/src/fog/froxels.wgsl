@@ -150,7 +150,8 @@ fn reach(place: vec2<f32>, distance: f32) -> Reach {
 // Where a froxel takes its light. The first one behind what the middle shows is interpolated with the one before that, and takes what is
 // before it, too.
 fn farthest_reach(place: vec3<f32>) -> Reach {
-    var best = reach(place.xy, froxel_distance(froxels, place.z));
+    let distance = froxel_distance(froxels, place.z);
+    var best = reach(place.xy, distance);
     let slice = 1.0 / f32(froxels.dims.z);
     if best.is_whole || best.distance >= froxel_distance(froxels, place.z - slice) {
         return best;
@@ -158,7 +159,7 @@ fn farthest_reach(place: vec3<f32>) -> Reach {
     for (var i = 0u; i < AROUND * RINGS && !best.is_whole; i++) {
         let columns = 0.5 * f32(1u + i / AROUND) * aside(i % AROUND);
         let pixel = clamp(place.xy + columns / vec2<f32>(froxels.dims.xy), vec2<f32>(0.0), vec2<f32>(1.0));
-        let found = reach(pixel, froxel_distance(froxels, place.z));
+        let found = reach(pixel, distance);
         if found.is_whole || found.distance > best.distance {
             best = found;
         }

@@ -32,16 +32,17 @@
 //!
 //! # What it cannot do
 //!
-//! It is as fine as its froxels: at the edges of what is near, light of before it mixes with light of behind. Fog takes nothing from the light that surfaces
+//! It is as fine as its froxels: at the edges of what is near, light of before it mixes with light of behind. A froxel behind
+//! what is seen in the middle of its column takes the light where pixels beside that see as far. Fog takes nothing from the light that surfaces
 //! send to each other.
 //!
 //! The sky's light comes from [`GiSettings::sky`](crate::GiSettings::sky) directions, and is scattered no more straight on than these are apart: of a bright
-//! part of the sky fog shows a wider and dimmer glow than of a lamp. A froxel behind
-//! what is seen in the middle of its column takes the light where pixels beside that see as far.
+//! part of the sky fog shows a wider and dimmer glow than of a lamp.
 //!
 //! What is scattered in one direction comes from few lights, which shows where they are sparse. Beside traced paths at fifty points of the Cornell
 //! box all are within 15 % at a `FogVolume::scattering_asymmetry` of 0, 49 at 0.5 and 48 at 0.8, Bevy's default, with [`Quality::High`](crate::Quality::High); the
-//! others are near dim surfaces (`cargo test --workspace --test suite -- fog_at_a_point --nocapture`).
+//! others are near dim surfaces; with [`Quality::Ultra`](crate::Quality::Ultra) 50, 50 and 46
+//! (`cargo test --workspace --test suite -- fog_at_a_point --include-ignored --nocapture`).
 //!
 //! Bevy dims what comes to fog by the radius of its volume, which leaves little in large and dense ones; so it is here. It gives the light of point and spot
 //! lights no phase function, so that fog shows 4 pi times as much of it as of bounced light that is as bright.

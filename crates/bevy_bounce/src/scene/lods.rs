@@ -97,13 +97,9 @@ pub(super) struct Choice {
 /// Levels that have at most `budget.few` triangles together, with the smallest error. Where that is above `tolerance`, world units, the
 /// coarsest that are not, if they have at most `budget.many`. Where even the coarsest are too many, the smallest candidates are left out.
 pub(super) fn choose(candidates: &[&Candidate], budget: OccluderBudget, tolerance: f32) -> Choice {
-    let levels = |error: f32| -> Vec<usize> {
-        let coarsest = |c: &Candidate| c.lods.iter().rposition(|lod| lod.error * c.scale <= error).unwrap_or(0);
-        candidates.iter().map(|candidate| coarsest(candidate)).collect()
-    };
-    let total = |error: f32| -> u64 {
-        candidates.iter().zip(levels(error)).map(|(c, level)| u64::from(c.lods[level].triangle_count)).sum()
-    };
+    let coarsest = |c: &Candidate, error: f32| c.lods.iter().rposition(|lod| lod.error * c.scale <= error).unwrap_or(0);
+    let total =
+        |error: f32| -> u64 { candidates.iter().map(|c| u64::from(c.lods[coarsest(c, error)].triangle_count)).sum() };
     let mut errors: Vec<f32> = candidates
         .iter()
         .flat_map(|c| c.lods.iter().map(|lod| lod.error * c.scale))
@@ -121,7 +117,8 @@ pub(super) fn choose(candidates: &[&Candidate], budget: OccluderBudget, toleranc
         Some(error) => (error, budget.many),
         None => (errors.get(first_fitting).copied().unwrap_or(f32::MAX), budget.few),
     };
-    let taken = largest_within(candidates, &levels(error), budget);
+    let levels: Vec<usize> = candidates.iter().map(|c| coarsest(c, error)).collect();
+    let taken = largest_within(candidates, &levels, budget);
     let all_cast = taken.iter().all(Option::is_some);
     Choice { levels: taken, error: if all_cast { error } else { f32::INFINITY } }
 }
@@ -213,15 +210,15 @@ mod tests {
         let (fine, coarse) = (lods(&[1000, 250, 60]), lods(&[800, 200]));
         let candidates =
             [Candidate { lods: &fine, scale: 1.0, size: 1.0 }, Candidate { lods: &coarse, scale: 0.1, size: 0.5 }];
-        let few = |few| choose(&candidates.each_ref(), OccluderBudget { few, many: few }, 0.0);
-        let chosen = |budget| few(budget).levels;
+        let within = |few| choose(&candidates.each_ref(), OccluderBudget { few, many: few }, 0.0);
+        let chosen = |budget| within(budget).levels;
         assert_eq!(chosen(1800), [Some(0), Some(0)]);
         assert_eq!(chosen(1799), [Some(0), Some(1)], "the smaller one has the smaller error");
         assert_eq!(chosen(1199), [Some(1), Some(1)]);
         assert_eq!(chosen(260), [Some(2), Some(1)]);
         assert_eq!(chosen(259), [Some(2), None], "the smaller one is left out");
         assert_eq!(chosen(0), [None, None]);
-        assert_eq!([1800, 1799, 1199, 259].map(|budget| few(budget).error), [0.0, 0.1, 1.0, f32::INFINITY]);
+        assert_eq!([1800, 1799, 1199, 259].map(|budget| within(budget).error), [0.0, 0.1, 1.0, f32::INFINITY]);
         assert!(choose(&[], OccluderBudget { few: 100, many: 100 }, 0.0).levels.is_empty());
     }
 
