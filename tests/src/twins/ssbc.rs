@@ -298,7 +298,8 @@ impl Integral<'_> {
         if height <= FLAT * far.1 || height <= self.bound * nearest.powi(3) {
             return NOTHING;
         }
-        if node.area / (distance * distance + node.area / PI) > self.parameters.edge_solid_angle {
+        let cosine = (height / distance.max(1e-10)).min(1.0);
+        if node.area * cosine / (distance * distance + node.area / PI) > self.parameters.edge_solid_angle {
             return Visit::Refine;
         }
         let offset = lens.texel(texel, level, 0.5 * (node.near + node.far)).0 - self.position;
