@@ -120,7 +120,7 @@ fn visit(lens: Lens, receiver: Receiver, texel: vec2<i32>, level: u32) -> Visit 
     let between_plane = select(max(distance - 0.5 * radius, other_highest), nearest, touches);
     let between = select(between_plane, distance, is_edge);
     let between_square = max(between * between, 1e-20);
-    // Of an edge only the receiver's cosine is known.
+    // Of an edge only the receiver's cosine is known: where it is highest, over how near it is.
     let cosine = min(highest * inverseSqrt(between_square), 1.0);
     let cosines = select(highest * other_highest, cosine * between_square, is_edge);
     let limit_of_plane = select(min(parameters.solid_angle, NEAR_SOLID_ANGLE), parameters.solid_angle, level > 0u);
