@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use bevy::prelude::*;
 
 use crate::avg::VoxelGrid;
+use crate::compose::LightmappedInView;
 use crate::cssm::{Baked, PixelLight};
 use crate::fog::LitFog;
 use crate::history::History;
@@ -25,6 +26,7 @@ pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let mut compensated = render_world.query::<&SsbcTextures>();
     let mut fogs = render_world.query::<&LitFog>();
     let mut kept = render_world.query::<&History>();
+    let mut lightmapped = render_world.query::<&LightmappedInView>();
     let mut resting = render_world.query::<&PixelLight>();
     let mut cached = render_world.query::<&CacheBuffers>();
     let items = render_world.get_resource::<SceneBuffers>().map(SceneBuffers::bytes).into_iter().flatten();
@@ -37,6 +39,7 @@ pub fn gpu_memory(render_world: &mut World) -> BTreeMap<&'static str, u64> {
     let items = items.chain(views.iter(render_world).flat_map(ViewTextures::bytes));
     let items = items.chain(compensated.iter(render_world).flat_map(SsbcTextures::bytes));
     let items = items.chain(cached.iter(render_world).flat_map(CacheBuffers::bytes));
+    let items = items.chain(lightmapped.iter(render_world).flat_map(LightmappedInView::bytes));
     let items = items.chain(resting.iter(render_world).flat_map(PixelLight::bytes));
     let items = items.chain(fogs.iter(render_world).flat_map(LitFog::bytes));
     let items = items.chain(kept.iter(render_world).flat_map(History::bytes));

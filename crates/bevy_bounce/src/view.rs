@@ -3,8 +3,8 @@
 //! | texture | format | holds |
 //! |---|---|---|
 //! | `surface` | rg32uint | bits of the reverse-z depth (0: nothing to light), octahedral world normal |
-//! | `direct` | rgba16float | direct light; alpha 1 where a surface is lit |
-//! | `direct_diffuse` | rgba16float | its diffuse part |
+//! | `direct` | rgba16float | direct light; alpha: whether a surface is lit, and has a lightmap, as `compose/marks.wgsl` says |
+//! | `direct_diffuse` | rgba16float | its diffuse part, and the same alpha |
 //! | `indirect` | rgba16float | irradiance of bounced light over pi |
 //! | `mirrored_sky` | rgba16float | what is mirrored of the sky and of reflection probes, but for what screen-space reflections show; how wide the lobe is, and the probes' share; where it is to be shadowed |
 //! | `sky_seen` | rg of rgba16float | share of the sky's light that is seen by a wide lobe and by a narrow one; where it is to be shadowed |

@@ -1,6 +1,7 @@
 // Direct light, bounced light and emission into the picture, and fog over all three.
 
 #import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color, view_pixel}
+#import bevy_bounce::compose::marks::share_of_bounced_light
 #import bevy_bounce::compose::mirrored::unpack_mirrored
 #import bevy_pbr::lighting
 #import bevy_pbr::mesh_view_bindings as view_bindings
@@ -10,7 +11,7 @@
 
 /// Bevy's `PbrDeferredLightingDepthId`: which deferred pixels are lit as standard materials.
 @group(2) @binding(0) var<uniform> lighting_pass_id: u32;
-/// Layer 0: direct light; layer 1: irradiance of bounced light over pi; then, each where there is such light: what is mirrored of the
+/// Layer 0: direct light, alpha as marks.wgsl says; layer 1: irradiance of bounced light over pi; then, each where there is such light: what is mirrored of the
 /// sky, and what of the sky is seen, two layers; bounced light convolved with the surface's lobe, and with its clearcoat's. All light is pre-exposed.
 @group(2) @binding(1) var light_texture: texture_2d_array<f32>;
 
@@ -29,6 +30,12 @@ const COAT_LAYER: i32 = GLOSSY_LAYER + 1;
 fn vertex(@builtin(vertex_index) index: u32) -> @builtin(position) vec4<f32> {
     let uv = vec2<f32>(f32(index >> 1u), f32(index & 1u)) * 2.0;
     return vec4<f32>(uv * vec2<f32>(2.0, -2.0) + vec2<f32>(-1.0, 1.0), f32(lighting_pass_id) / 255.0, 1.0);
+}
+
+/// Irradiance over pi of the bounced light that a surface lets in; none where a lightmap has it.
+fn diffuse_irradiance(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
+    let share = share_of_bounced_light(textureLoad(light_texture, pixel, 0, 0).a);
+    return textureLoad(light_texture, pixel, 1, 0).rgb * surface.diffuse_occlusion * share;
 }
 
 #ifdef COMPOSE_GLOSSY
@@ -52,7 +59,7 @@ fn reflected(f_zero: vec3<f32>, f_ab: vec2<f32>) -> Reflected {
 
 /// Bounced light that the surface sends on.
 fn indirect_light(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
-    let irradiance = textureLoad(light_texture, pixel, 1, 0).rgb * surface.diffuse_occlusion;
+    let irradiance = diffuse_irradiance(surface, pixel);
     let radiance = glossy_radiance(surface, pixel);
     return reflected_light(surface, irradiance, radiance) + coat_light(surface, pixel);
 }
@@ -96,8 +103,7 @@ fn reflected_light(surface: PbrInput, irradiance: vec3<f32>, radiance: vec3<f32>
 #else
 /// Bounced light that the surface sends on.
 fn indirect_light(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
-    let irradiance = textureLoad(light_texture, pixel, 1, 0).rgb;
-    return irradiance * diffuse_color(surface) * surface.diffuse_occlusion;
+    return diffuse_irradiance(surface, pixel) * diffuse_color(surface);
 }
 #endif
 

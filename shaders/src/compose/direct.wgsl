@@ -9,6 +9,7 @@
 // mirror of that is what Bevy's `ambient_light` has them mirror.
 
 #import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color}
+#import bevy_bounce::compose::marks::LIT
 #import bevy_bounce::compose::mirrored::pack_mirrored
 #import bevy_pbr::clustered_forward as clustering
 #import bevy_pbr::lighting
@@ -39,7 +40,7 @@
 const HALF_MAX: f32 = 65504.0;
 
 struct Targets {
-    /// Alpha 1 where a surface is lit.
+    /// Alpha: see marks.wgsl.
     @location(0) light: vec4<f32>,
     @location(1) diffuse: vec4<f32>,
 #ifdef SKY
@@ -263,7 +264,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
     targets.sky = exposed(mirrored, pack_mirrored(lobe_width(input.layers[LAYER_BASE].roughness), probes));
 #endif
 
-    targets.light = exposed(light, 1.0);
-    targets.diffuse = exposed(diffuse, 1.0);
+    targets.light = exposed(light, LIT);
+    targets.diffuse = exposed(diffuse, LIT);
     return targets;
 }

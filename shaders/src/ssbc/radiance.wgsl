@@ -3,6 +3,7 @@
 //
 // Cost: one thread a pixel, five loads; one more from the second iteration on.
 
+#import bevy_bounce::compose::marks::share_of_bounced_light
 #import bevy_bounce::interleaved::surface::{Surface, toward_eye}
 #import bevy_bounce::ssbc::common::{view, surface_texture, surface_at, view_lens, grazing_decay}
 #import bevy_bounce::ssbc::hierarchy::encode_pixel
@@ -46,7 +47,9 @@ fn radiance(@builtin(global_invocation_id) id: vec3<u32>) {
 #ifdef COMPENSATED
     irradiance += textureLoad(residual, id.xy, 0).rgb;
 #endif
-    let light = rgb9e5_to_vec3_(packed.g) + textureLoad(direct_diffuse, id.xy, 0).rgb + irradiance * reflected;
+    let direct = textureLoad(direct_diffuse, id.xy, 0);
+    irradiance *= share_of_bounced_light(direct.a);
+    let light = rgb9e5_to_vec3_(packed.g) + direct.rgb + irradiance * reflected;
     let texel = textureLoad(surface_texture, id.xy, 0).xy;
     textureStore(output, id.xy, encode_pixel(texel, area_ratio(surface), light));
 }

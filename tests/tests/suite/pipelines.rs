@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use bevy::material::descriptor::PipelineDescriptor;
-use bevy::pbr::ScreenSpaceReflections;
+use bevy::pbr::{Lightmap, ScreenSpaceReflections};
 use bevy::prelude::*;
 use bevy::render::render_resource::PipelineCache;
 use bevy::shader::{Shader, ShaderDefVal};
@@ -56,6 +56,19 @@ fn reflect_a_sky(mut commands: Commands, mut images: ResMut<Assets<Image>>, came
     commands.entity(*camera).insert((ScreenSpaceReflections::default(), sky));
 }
 
+/// A mesh with a lightmap, which is marked. Not under an environment map: Bevy's own shader does not compile with both where a
+/// device binds no arrays.
+fn lay_a_lightmap(
+    mut commands: Commands,
+    mut meshes: ResMut<Assets<Mesh>>,
+    mut images: ResMut<Assets<Image>>,
+    mut materials: ResMut<Assets<StandardMaterial>>,
+) {
+    let mesh = Plane3d::default().mesh().build().with_inserted_attribute(Mesh::ATTRIBUTE_UV_1, vec![[0.5, 0.5]; 4]);
+    let lightmap = Lightmap { image: images.add(Image::default()), ..default() };
+    commands.spawn((Mesh3d(meshes.add(mesh)), MeshMaterial3d(materials.add(Color::WHITE)), lightmap));
+}
+
 /// Bevy's deferred lighting has no GLSL where its view bindings load from a depth texture: ours calls it, and may lack no
 /// more than it does.
 #[test]
@@ -70,13 +83,20 @@ fn every_fragment_shader_translates_wherever_bevys_does() {
     };
     let under_ambient_light = |app: &mut App| {
         app.add_plugins(CornellPlugin).insert_resource(GlobalAmbientLight { brightness: 1.0, ..default() });
+        app.add_systems(PostStartup, lay_a_lightmap);
     };
     let mut ours = fragment_shaders(&mut Stage::with_run(run.clone(), scene), "bevy_bounce/");
     ours.extend(fragment_shaders(&mut Stage::with_run(run.clone(), under_ambient_light), "bevy_bounce/"));
     assert!(ours.iter().any(|(_, _, defs)| defs.contains(&"AMBIENT".into())), "nothing is under ambient light");
     let paths: BTreeSet<_> = ours.iter().map(|(path, ..)| path.as_str()).collect();
-    let expected = ["compose/compose.wgsl", "compose/direct.wgsl", "compose/reflections.wgsl", "ssbc/apply.wgsl"]
-        .map(|path| format!("bevy_bounce/{path}"));
+    let expected = [
+        "compose/compose.wgsl",
+        "compose/direct.wgsl",
+        "compose/lightmapped.wgsl",
+        "compose/reflections.wgsl",
+        "ssbc/apply.wgsl",
+    ]
+    .map(|path| format!("bevy_bounce/{path}"));
     assert_eq!(paths, expected.iter().map(String::as_str).collect());
     run.plain_bevy = true;
     run.illumination = None;

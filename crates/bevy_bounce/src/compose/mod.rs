@@ -11,10 +11,11 @@
 //!    or of ambient light that is the sky, is added in proportion to what of the sky they see.
 //!
 //! Bevy's ambient light and irradiance volumes are left out, for they stand for the bounced light that is computed here;
-//! lightmaps, which Bevy's G-buffer carries as emission, stay. Emission shows as in Bevy's deferred path, without exposure.
+//! lightmaps, which Bevy's G-buffer carries as emission, stay, and where they are, diffuse bounced light is left out. Emission shows as in Bevy's deferred path, without exposure.
 //! While the pipelines are compiled, and should they fail, Bevy's lighting runs.
 
 mod extract;
+mod lightmapped;
 mod masked;
 mod passes;
 mod pipelines;
@@ -26,10 +27,11 @@ use bevy::pbr::deferred::{deferred_lighting, prepare_deferred_lighting_pipelines
 use bevy::pbr::{MeshPipelineSystems, prepare_ssr_pipelines, screen_space_reflections};
 use bevy::prelude::*;
 use bevy::render::extract_component::ExtractComponent;
-use bevy::render::render_resource::SpecializedRenderPipelines;
+use bevy::render::render_resource::{SpecializedMeshPipelines, SpecializedRenderPipelines};
 use bevy::render::{GpuResourceAppExt, Render, RenderApp, RenderStartup, RenderSystems};
 
 pub(crate) use extract::{extract_views, hand_back_resets};
+pub(crate) use lightmapped::LightmappedInView;
 pub(crate) use pipelines::EnvironmentMaps;
 
 use crate::compute::load_shaders;
@@ -110,7 +112,7 @@ impl GiIsolate {
 pub enum ViewPass {
     /// Depth and normal are packed, `indirect` is cleared.
     Surface,
-    /// Direct light.
+    /// Direct light; what has a lightmap is marked.
     Direct,
     /// Bounced light into `indirect`.
     Shade,
@@ -151,11 +153,18 @@ impl Plugin for GiComposePlugin {
         render_app
             .init_gpu_resource::<SpecializedRenderPipelines<pipelines::ComposePipelines>>()
             .init_gpu_resource::<reflections::WithoutEnvironmentMaps>()
+            .init_gpu_resource::<SpecializedMeshPipelines<lightmapped::LightmappedPipeline>>()
+            .init_resource::<lightmapped::Lightmapped>()
             .add_systems(
                 RenderStartup,
-                (pipelines::init_compose_pipelines.after(MeshPipelineSystems), forget_components::<ViewTextures>),
+                (
+                    pipelines::init_compose_pipelines.after(MeshPipelineSystems),
+                    lightmapped::init_lightmapped_pipeline,
+                    forget_components::<ViewTextures>,
+                    forget_components::<LightmappedInView>,
+                ),
             )
-            .add_systems(ExtractSchedule, extract_views)
+            .add_systems(ExtractSchedule, (extract_views, lightmapped::extract_lightmapped))
             .add_systems(
                 Render,
                 (
@@ -170,6 +179,7 @@ impl Plugin for GiComposePlugin {
                     masked::draw_masked_surfaces_once
                         .after(RenderSystems::PrepareAssets)
                         .before(RenderSystems::Specialize),
+                    lightmapped::prepare_lightmapped.in_set(GiSystems::Prepare),
                     prepare_view_textures.in_set(GiSystems::Prepare).after(pipelines::prepare_compose_pipelines),
                 ),
             )
@@ -201,7 +211,7 @@ impl Plugin for GiComposePlugin {
                 Core3d,
                 (
                     passes::surface_pass.in_set(ViewPass::Surface),
-                    passes::direct_pass.in_set(ViewPass::Direct),
+                    (passes::direct_pass, lightmapped::lightmapped_pass).chain().in_set(ViewPass::Direct),
                     reflections::reflections_pass.in_set(ViewPass::Reflections),
                     passes::compose_pass.in_set(ViewPass::Compose),
                     passes::isolate_pass.in_set(ViewPass::Isolate),
