@@ -5,6 +5,7 @@
 mod bench;
 mod bench_report;
 mod bench_samples;
+mod bevy_examples;
 mod ci;
 mod crates;
 mod demo;
@@ -39,6 +40,8 @@ usage: cargo xtask COMMAND
                  stage times, median and 95th percentile, beside plain Bevy; `cargo xtask bench --help`
   pictures [NAME...]
                  render the pictures of the README into assets/readme
+  bevy EXAMPLE [OPTIONS]
+                 one of Bevy's own examples with bounced light; `cargo xtask bevy --help`
   help           this text
 ";
 
@@ -53,6 +56,7 @@ fn main() -> ExitCode {
         Some("ci") => ci::ci(&rest),
         Some("pictures") => pictures::pictures(&rest),
         Some("bench") => bench::bench(&rest),
+        Some("bevy") => bevy_examples::bevy(&rest),
         Some("help" | "--help" | "-h") => {
             print!("{USAGE}");
             Ok(())
@@ -99,7 +103,7 @@ mod tests {
 
     #[test]
     fn the_usage_names_every_command() {
-        for command in ["demo", "test", "setup", "ci", "bench", "pictures", "help"] {
+        for command in ["demo", "test", "setup", "ci", "bench", "pictures", "bevy", "help"] {
             assert!(USAGE.contains(&format!("\n  {command} ")), "{command}");
         }
     }
