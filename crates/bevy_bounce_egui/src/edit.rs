@@ -5,7 +5,7 @@ use bevy::reflect::attributes::CustomAttributes;
 use bevy::reflect::enums::{DynamicEnum, DynamicVariant, VariantInfo};
 use bevy::reflect::structs::DynamicStruct;
 use bevy::reflect::tuple::DynamicTuple;
-use bevy::reflect::{NamedField, ReflectKind, ReflectMut, TypeInfo, TypeRegistry};
+use bevy::reflect::{NamedField, ReflectKind, ReflectMut, ReflectRef, TypeInfo, TypeRegistry};
 use bevy_bounce::Quality;
 use bevy_egui::egui::{Align, CollapsingHeader, ComboBox, Layout, Response, Ui};
 
@@ -25,7 +25,7 @@ impl Edited {
         Self { shown: 1, changed }
     }
 
-    fn and(self, other: Self) -> Self {
+    pub(crate) fn and(self, other: Self) -> Self {
         Self { shown: self.shown + other.shown, changed: self.changed || other.changed }
     }
 }
@@ -39,7 +39,7 @@ struct Field<'a> {
 }
 
 /// Shows `value` under `name` and lets the user change it: structs as headings with their fields, enums as choices, numbers to
-/// drag, switches. Documentation is shown as hints. A choice with values of its own is offered where the registry has defaults
+/// drag, switches, colours. Documentation is shown as hints. A choice with values of its own is offered where the registry has defaults
 /// for them.
 ///
 /// A [`Quality`] shows the settings behind it; changing one makes it [`Quality::Custom`].
@@ -56,6 +56,9 @@ fn value_rows(ui: &mut Ui, registry: &TypeRegistry, field: Field, value: &mut dy
         let changed = labelled(ui, field, |ui| optional(ui, value, field.attributes));
         return Edited { shown: 2, changed };
     }
+    if let Some(color) = value.try_downcast_mut::<Color>() {
+        return Edited::one(labelled(ui, field, |ui| pick(ui, color)));
+    }
     let info = value.get_represented_type_info();
     match value.reflect_kind() {
         ReflectKind::Struct => {
@@ -71,6 +74,18 @@ fn value_rows(ui: &mut Ui, registry: &TypeRegistry, field: Field, value: &mut dy
         ReflectKind::TupleStruct | ReflectKind::Tuple => fields(ui, registry, value),
         _ => leaf(ui, field, value),
     }
+}
+
+/// A colour to choose, without alpha. Whether it was changed.
+fn pick(ui: &mut Ui, color: &mut Color) -> bool {
+    let LinearRgba { red, green, blue, alpha } = color.to_linear();
+    let mut picked = [red, green, blue];
+    let changed = ui.color_edit_button_rgb(&mut picked).changed();
+    if changed {
+        let [red, green, blue] = picked;
+        *color = LinearRgba { red, green, blue, alpha }.into();
+    }
+    changed
 }
 
 /// The settings behind a quality are its own once one is changed.
@@ -94,8 +109,10 @@ fn quality_rows(ui: &mut Ui, registry: &TypeRegistry, field: Field, quality: &mu
 fn fields(ui: &mut Ui, registry: &TypeRegistry, value: &mut dyn PartialReflect) -> Edited {
     let info = value.get_represented_type_info();
     let mut edited = Edited::default();
+    let alone = matches!(value.reflect_ref(), ReflectRef::Enum(value) if value.field_len() == 1);
     let mut row = |ui: &mut Ui, at: usize, name: Option<&str>, value: &mut dyn PartialReflect, told: Option<Field>| {
-        let number = at.to_string();
+        // The only value of a choice goes by the name of that.
+        let number = if alone { String::new() } else { at.to_string() };
         let field = told.unwrap_or(Field { name: name.unwrap_or(&number), docs: None, attributes: None });
         edited = edited.and(ui.push_id(at, |ui| value_rows(ui, registry, field, value)).inner);
     };

@@ -1,5 +1,5 @@
 //! A panel for [`bevy_bounce`] that one key opens: every setting of the cameras live, what a frame costs, stage by stage, and what
-//! is held on the GPU.
+//! is held on the GPU, and how each light and mesh takes part.
 //!
 //! ```no_run
 //! use bevy::prelude::*;
@@ -13,7 +13,9 @@
 //!
 //! Settings are found by reflection: every component of `bevy_bounce` that a camera with
 //! [`GlobalIllumination`](bevy_bounce::GlobalIllumination) has, field by field, with its documentation as a hint and its range
-//! from its attributes. [`edit`] shows them in an interface of one's own.
+//! from its attributes. [`edit`] shows them in an interface of one's own. Below them are lists of the scene's lights and meshes, by
+//! name, each with its [`GiLight`](bevy_bounce::GiLight), [`VoxelizedMesh`](bevy_bounce::VoxelizedMesh) or
+//! [`VoxelizedGroup`](bevy_bounce::VoxelizedGroup): what is changed there is inserted on the entity.
 //!
 //! # Cost
 //!
@@ -32,6 +34,7 @@ mod costs;
 mod counts;
 mod edit;
 mod number;
+mod scene;
 mod settings;
 
 use bevy::diagnostic::FrameTimeDiagnosticsPlugin;
@@ -44,6 +47,7 @@ use bevy_egui::{EguiGlobalSettings, EguiPlugin, EguiPreUpdateSet};
 pub use camera::PanelCamera;
 pub use counts::{Counted, Counts};
 pub use edit::{Edited, edit};
+pub use scene::scene_rows;
 pub use settings::{apply, components};
 
 /// Adds the panel.

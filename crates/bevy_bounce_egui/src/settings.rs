@@ -7,7 +7,7 @@ use bevy_bounce::{GiBudget, GiGizmos, GlobalIllumination};
 use bevy_egui::EguiContext;
 use bevy_egui::egui::{Context, ScrollArea, Ui, Window};
 
-use crate::{BouncePanel, Edited, PanelCamera, edit};
+use crate::{BouncePanel, Edited, PanelCamera, edit, scene_rows};
 
 /// Width of the panel's windows, points.
 pub(crate) const WIDTH: f32 = 280.0;
@@ -62,6 +62,7 @@ pub(crate) fn show(world: &mut World) {
                 shown += ui.push_id(camera, |ui| camera_rows(ui, world, &registry, *camera)).inner;
             }
             shown += gizmo_rows(ui, world, &registry);
+            shown += scene_rows(ui, world, &registry).shown;
         });
     });
     world.resource_mut::<BouncePanel>().bypass_change_detection().settings = shown;

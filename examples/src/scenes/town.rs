@@ -1,5 +1,7 @@
 //! A town of one square kilometre, and a drive along its streets: a world too large for a single grid, whose blocks come and go.
 
+use std::time::Duration;
+
 use bevy::camera::Exposure;
 use bevy::light::Skybox;
 use bevy::prelude::*;
@@ -31,6 +33,11 @@ const SKY: [Vec3; 3] =
 /// Metres from the camera within which blocks are there, and beyond which they no longer are.
 const SEEN: f32 = 420.0;
 const FORGOTTEN: f32 = 450.0;
+
+impl TownPlugin {
+    /// Animation time until the drive begins anew.
+    pub const LAP: Duration = Duration::from_secs((WAY / SPEED) as u64);
+}
 
 impl Plugin for TownPlugin {
     fn build(&self, app: &mut App) {

@@ -9,8 +9,12 @@ use bevy::input::keyboard::{Key, KeyboardInput};
 use bevy::prelude::*;
 use bevy::reflect::enums::VariantInfo;
 use bevy::reflect::{GetPath, TypeInfo, TypeRegistry, Typed};
-use bevy_bounce::{GiBudget, GiGizmos, GiIsolate, GiSettings, GlobalIllumination, Quality, Technique};
-use bevy_bounce_egui::{BouncePanel, BouncePanelPlugin, Counts, Edited, PanelCamera, apply, components, edit};
+use bevy_bounce::{
+    GiBudget, GiGizmos, GiIsolate, GiLight, GiSettings, GlobalIllumination, Quality, Technique, VoxelizedMesh,
+};
+use bevy_bounce_egui::{
+    BouncePanel, BouncePanelPlugin, Counts, Edited, PanelCamera, apply, components, edit, scene_rows,
+};
 use bevy_bounce_examples::scenes::CornellPlugin;
 use bevy_bounce_tests::stage::{SMALL, Stage, illumination};
 use bevy_egui::egui::epaint::{ClippedShape, Shape};
@@ -76,6 +80,26 @@ fn ranges_are_where_settings_are_clamped() {
     }
 }
 
+/// What a screen may have on it.
+trait Shown {
+    fn rows(&mut self, ui: &mut egui::Ui, registry: &TypeRegistry) -> Edited;
+}
+
+impl<T: PartialReflect> Shown for T {
+    fn rows(&mut self, ui: &mut egui::Ui, registry: &TypeRegistry) -> Edited {
+        edit(ui, registry, "value", self)
+    }
+}
+
+/// The lists of what is in a world.
+struct Lists(World);
+
+impl Shown for Lists {
+    fn rows(&mut self, ui: &mut egui::Ui, registry: &TypeRegistry) -> Edited {
+        scene_rows(ui, &mut self.0, registry)
+    }
+}
+
 /// An interface without a window, and what is in it.
 struct Screen {
     context: egui::Context,
@@ -88,15 +112,18 @@ impl Screen {
         let mut registry = TypeRegistry::default();
         registry.register::<GlobalIllumination>();
         registry.register::<GiIsolate>();
+        registry.register::<VoxelizedMesh>();
+        registry.register::<Color>();
+        registry.register::<bool>();
         Self { context: egui::Context::default(), registry, shapes: Vec::new() }
     }
 
     /// One frame.
-    fn show(&mut self, value: &mut dyn PartialReflect, events: Vec<Event>) -> Edited {
+    fn show(&mut self, value: &mut impl Shown, events: Vec<Event>) -> Edited {
         let screen_rect = Some(Rect::from_min_size(Pos2::ZERO, vec2(400.0, 2000.0)));
         let mut edited = Edited::default();
         let output = self.context.run_ui(RawInput { screen_rect, events, ..default() }, |ui| {
-            let now = edit(ui, &self.registry, "value", value);
+            let now = value.rows(ui, &self.registry);
             edited = Edited { shown: now.shown, changed: edited.changed || now.changed };
         });
         self.shapes = output.shapes;
@@ -118,21 +145,26 @@ impl Screen {
         found
     }
 
+    /// Frames until what was clicked on has opened or closed.
+    fn open(&mut self, value: &mut impl Shown) {
+        (0..20).for_each(|_| _ = self.show(value, Vec::new()));
+    }
+
     /// Presses on the first number of that value, moves by so much, lets go. Whether that changed something.
-    fn drag(&mut self, value: &mut dyn PartialReflect, number: &str, by: f32) -> bool {
+    fn drag(&mut self, value: &mut impl Shown, number: &str, by: f32) -> bool {
         self.show(value, Vec::new());
         let from = self.find(number)[0];
         self.press(value, from, by)
     }
 
     /// On the foremost text of that kind.
-    fn click(&mut self, value: &mut dyn PartialReflect, text: &str) -> bool {
+    fn click(&mut self, value: &mut impl Shown, text: &str) -> bool {
         self.show(value, Vec::new());
         let at = self.find(text).pop().unwrap_or_default();
         self.press(value, at, 0.0)
     }
 
-    fn press(&mut self, value: &mut dyn PartialReflect, from: Pos2, by: f32) -> bool {
+    fn press(&mut self, value: &mut impl Shown, from: Pos2, by: f32) -> bool {
         let button = |pos, pressed| {
             let button = PointerButton::Primary;
             Event::PointerButton { pos, button, pressed, modifiers: Modifiers::default() }
@@ -194,6 +226,52 @@ fn widgets_change_what_they_show() {
     let mut isolate = GiIsolate::All;
     screen.click(&mut isolate, "All");
     assert!(screen.click(&mut isolate, "Residual") && isolate == GiIsolate::Residual);
+}
+
+/// Lights and meshes by name: what is changed is on the entity, and nowhere before.
+#[test]
+fn lights_and_meshes_are_set_one_by_one() {
+    let mut screen = Screen::new();
+    let mut scene = Lists(World::new());
+    let lamp = scene.0.spawn((SpotLight::default(), Name::new("lamp"))).id();
+    let wall = scene.0.spawn((Mesh3d::default(), Name::new("wall"))).id();
+    (0..60).for_each(|_| _ = scene.0.spawn(Mesh3d::default()));
+    screen.click(&mut scene, "Lights (1)");
+    assert!(!screen.click(&mut scene, &format!("lamp {lamp}")), "looking changes nothing");
+    assert_eq!(screen.show(&mut scene, Vec::new()).shown, leaves(GiLight::type_info()));
+    assert_eq!(scene.0.get::<GiLight>(lamp), None);
+    assert!(screen.drag(&mut scene, "1.00", 50.0));
+    let set = scene.0.get::<GiLight>(lamp).expect("is there once it is set");
+    assert!(set.intensity > 1.0 && *set == GiLight { intensity: set.intensity, ..default() }, "{set:?}");
+
+    screen.click(&mut scene, "Lights (1)");
+    screen.click(&mut scene, "Meshes (61)");
+    screen.open(&mut scene);
+    screen.find("and 11 more: look for them by name");
+    let field = screen.find("name")[0] + vec2(60.0, 0.0);
+    screen.press(&mut scene, field, 0.0);
+    screen.show(&mut scene, vec![Event::Text("WALL".to_owned())]);
+    screen.open(&mut scene);
+    screen.click(&mut scene, &format!("wall {wall}"));
+    screen.open(&mut scene);
+    assert_eq!(screen.find("enabled").len(), 1);
+    assert!(screen.click(&mut scene, "enabled"));
+    assert_eq!(scene.0.get::<VoxelizedMesh>(wall), Some(&VoxelizedMesh { enabled: false, ..default() }));
+}
+
+/// What may be there or not, and colours.
+#[test]
+fn an_albedo_is_chosen() {
+    let mut screen = Screen::new();
+    let mut mesh = VoxelizedMesh::default();
+    let without = screen.show(&mut mesh, Vec::new()).shown;
+    assert_eq!(without, 3);
+    screen.click(&mut mesh, "None");
+    assert!(screen.click(&mut mesh, "Some"));
+    let chosen = [mesh.albedo.is_some(), mesh.two_sided.is_some()];
+    assert!(chosen == [true, false] || chosen == [false, true], "{mesh:?}");
+    mesh = VoxelizedMesh { albedo: Some(Color::WHITE), two_sided: Some(false), ..default() };
+    assert_eq!(screen.show(&mut mesh, Vec::new()), Edited { shown: 5, changed: false });
 }
 
 fn cornell(panel: Option<BouncePanelPlugin>) -> Stage {

@@ -41,8 +41,6 @@ enum View {
 /// What its values do to that, from one to the next.
 #[derive(Clone, Copy, Debug)]
 enum Effect {
-    /// Make it another.
-    Change,
     Brighten,
     Darken,
     /// Bring it nearer to that of the last.
@@ -113,30 +111,30 @@ fn cases() -> Vec<(View, Effect, Vec<GiSettings>)> {
     let filters = [CssmFilter::Nearest, CssmFilter::Pixels];
     vec![
         (View::Lights, Refine, steps(SMALL, [16, 32, 64], |s, v| s.grid = v)),
-        (View::Lights, Change, steps(SMALL, [40.0, 1.0], |s, v| s.range = v)),
+        (View::Lights, Refine, steps(SMALL, [1.0, 40.0], |s, v| s.range = v)),
         (View::Lights, Refine, steps(SMALL, [64, 256, 2048], |s, v| s.vpls = v)),
         (View::Lights, Brighten, steps(SMALL, [1, 2, 6], |s, v| s.bounces = v)),
         (View::Lights, Darken, steps(SMALL, [None, Voxel], |s, v| s.visibility = v)),
-        (View::Lights, Change, steps(SMALL, [Voxel, Ism, Atlas, Baked], |s, v| s.visibility = v)),
+        (View::Lights, Refine, steps(SMALL, [Ism, Voxel, Atlas, Baked], |s, v| s.visibility = v)),
         (View::Lights, Refine, steps(MAPPED, [8, 16, 48], |s, v| s.tile = v)),
         (View::Lights, Brighten, steps(SMALL, [0.05, 0.4, 1.0], |s, v| s.bound = v)),
         (View::Lights, Refine, steps(SMALL, [16, 64, 256], |s, v| s.sky = v)),
-        (View::Lights, Change, steps(SMALL, [Full, Half], |s, v| s.resolution = v)),
+        (View::Lights, Smooth, steps(SMALL, [Full, Half], |s, v| s.resolution = v)),
         (View::Lights, Calm, steps(SMALL, [0, 8], |s, v| s.history = v)),
         (View::Whole, Brighten, steps(SMALL, [0, 8], |s, v| s.probes = v)),
         (View::Lights, Brighten, steps(COMPENSATED, [0, 1, 2], |s, v| s.ssbc.iterations = v)),
         (View::Residual, Refine, steps(COMPENSATED, [2.0, 0.3, 0.02], |s, v| s.ssbc.solid_angle = v)),
         (View::Residual, Refine, steps(COMPENSATED, [2.0, 0.3, 0.02], |s, v| s.ssbc.edge_solid_angle = v)),
-        (View::Residual, Change, steps(COMPENSATED, [Full, Half], |s, v| s.ssbc.resolution = v)),
+        (View::Residual, Refine, steps(COMPENSATED, [Half, Full], |s, v| s.ssbc.resolution = v)),
         (View::Residual, Smooth, steps(COMPENSATED, [false, true], |s, v| s.ssbc.blur = v)),
         (View::Lights, Brighten, steps(SMALL, [false, true], |s, v| s.radiance_cache.glossy = v)),
-        (View::Caches, Change, steps(SMALL, [256, 32768], |s, v| s.radiance_cache.caches = v)),
+        (View::Caches, Refine, steps(SMALL, [256, 32768], |s, v| s.radiance_cache.caches = v)),
         (View::Caches, Smooth, steps(SMALL, [1.5, 4.0], |s, v| s.radiance_cache.reach = v)),
         (View::Caches, Brighten, steps(SMALL, [false, true], |s, v| s.radiance_cache.further_bounces = v)),
         (View::Baked, Refine, steps(SMALL, [64.0, 16.0, 2.0], |s, v| s.cssm.error = v)),
-        (View::Baked, Change, steps(SMALL, filters, |s, v| s.cssm.filter = v)),
+        (View::Baked, Smooth, steps(SMALL, filters, |s, v| s.cssm.filter = v)),
         (View::Baked, Brighten, steps(SMALL, [false, true], |s, v| s.cssm.glossy = v)),
-        (View::Baked, Change, steps(SMALL, receivers, |s, v| s.cssm.receivers = v)),
+        (View::Baked, Smooth, steps(SMALL, receivers, |s, v| s.cssm.receivers = v)),
     ]
 }
 
@@ -186,22 +184,31 @@ fn restlessness(stage: &mut Stage, view: View, settings: GiSettings) -> f64 {
     flickers[flickers.len() - 1]
 }
 
-/// What has to fall from one value to the next; for a mere change, what does so anyway.
-fn measure(stage: &mut Stage, view: View, effect: Effect, steps: &[GiSettings]) -> Vec<f64> {
-    if let Effect::Calm = effect {
-        return steps.iter().map(|settings| restlessness(stage, view, *settings)).collect();
-    }
+/// A figure of each picture, which may look at the last one, too.
+fn of_pictures(
+    stage: &mut Stage,
+    view: View,
+    steps: &[GiSettings],
+    figure: impl Fn(&Picture, &Picture) -> f64,
+) -> Vec<f64> {
     let pictures: Vec<Picture> = steps.iter().map(|settings| picture(stage, view, *settings)).collect();
     assert!(pictures.windows(2).all(|pair| pair[0] != pair[1]), "no effect");
     let last = &pictures[pictures.len() - 1];
-    let figure = |(index, picture): (usize, &Picture)| match effect {
-        Effect::Change | Effect::Calm => 1.0 - index as f64,
-        Effect::Brighten => -picture.mean_luminance(),
-        Effect::Darken => picture.mean_luminance(),
-        Effect::Refine => Metrics::new(picture, last).expect("sizes are equal").nrmse,
-        Effect::Smooth => roughness(picture),
-    };
-    pictures.iter().enumerate().map(figure).collect()
+    pictures.iter().map(|picture| figure(picture, last)).collect()
+}
+
+/// What has to fall from one value to the next.
+fn measure(stage: &mut Stage, view: View, effect: Effect, steps: &[GiSettings]) -> Vec<f64> {
+    match effect {
+        Effect::Brighten => of_pictures(stage, view, steps, |picture, _| -picture.mean_luminance()),
+        Effect::Darken => of_pictures(stage, view, steps, |picture, _| picture.mean_luminance()),
+        Effect::Refine => {
+            let error = |picture: &Picture, last: &Picture| Metrics::new(picture, last).expect("sizes are equal").nrmse;
+            of_pictures(stage, view, steps, error)
+        }
+        Effect::Smooth => of_pictures(stage, view, steps, |picture, _| roughness(picture)),
+        Effect::Calm => steps.iter().map(|settings| restlessness(stage, view, *settings)).collect(),
+    }
 }
 
 #[test]

@@ -1,9 +1,11 @@
 //! What surfaces are for bounced light that have colours at their vertices, or a material of a game's own.
 
+use bevy::asset::RenderAssetUsages;
+use bevy::math::Affine2;
 use bevy::mesh::VertexAttributeValues;
 use bevy::pbr::{ExtendedMaterial, MaterialExtension};
 use bevy::prelude::*;
-use bevy::render::render_resource::AsBindGroup;
+use bevy::render::render_resource::{AsBindGroup, Extent3d, TextureDimension, TextureFormat};
 use bevy_bounce::{GiMaterial, GiMaterialPlugin};
 use bevy_bounce_tests::picture::Picture;
 use bevy_bounce_tests::stage::{SMALL, Stage};
@@ -164,4 +166,58 @@ fn colors_of_vertices_are_reflected() {
     let found = light(&stage.settled_picture());
     let is_near = (0..3).all(|i| (found[i] / red[i] - 1.0).abs() < 0.03);
     assert!(is_near, "{found:?} of {red:?}");
+}
+
+/// A texture of two texels, of which the material's transform leaves one on the wall.
+#[test]
+fn textures_lie_where_their_transform_puts_them() {
+    let mut stage = stage(|_| {});
+    let [red, green] = [RED, LinearRgba::GREEN].map(|color| {
+        paint(&mut stage, matte(color));
+        light(&stage.settled_picture())
+    });
+    let texels = [RED, LinearRgba::GREEN].map(|color| color.to_f32_array()).concat();
+    let texels: Vec<u8> = texels.into_iter().flat_map(|value| half::f16::from_f32(value).to_le_bytes()).collect();
+    let size = Extent3d { width: 2, height: 1, depth_or_array_layers: 1 };
+    let (dimension, format) = (TextureDimension::D2, TextureFormat::Rgba16Float);
+    let texture = Image::new(size, dimension, texels, format, RenderAssetUsages::default());
+    let texture = stage.world().resource_mut::<Assets<Image>>().add(texture);
+    for (first, expected) in [(0.125, red), (0.625, green)] {
+        let uv_transform = Affine2::from_scale_angle_translation(Vec2::splat(0.25), 0.0, Vec2::new(first, 0.0));
+        let base_color_texture = Some(texture.clone());
+        paint(&mut stage, StandardMaterial { base_color_texture, uv_transform, ..matte(LinearRgba::WHITE) });
+        let found = light(&stage.settled_picture());
+        let is_near = (0..3).all(|i| (found[i] - expected[i]).abs() < 0.03 * expected[0].max(expected[1]));
+        assert!(is_near, "from {first}: {found:?}, not {expected:?}");
+    }
+}
+
+/// Positions, count of vertices and colours, in place: as if the mesh had been so from the first.
+#[test]
+fn a_mesh_that_is_edited_is_what_it_became() {
+    let mut stage = stage(|_| {});
+    let first = stage.picture();
+    let lower = Mesh::from(Cuboid::new(0.4, 1.0, 4.0)).translated_by(Vec3::Y * -0.5);
+    let ball = Mesh::from(Sphere::new(0.7));
+    let mut colored = cuboid();
+    let colors = vec![LinearRgba::BLUE.to_f32_array(); colored.count_vertices()];
+    colored.insert_attribute(Mesh::ATTRIBUTE_COLOR, VertexAttributeValues::Float32x4(colors));
+    let wall = stage.only::<Wall>();
+    for (name, becomes) in [("lower", lower), ("a ball", ball), ("coloured", colored)] {
+        let put = |stage: &mut Stage, mesh: Mesh| {
+            let mesh = stage.world().resource_mut::<Assets<Mesh>>().add(mesh);
+            stage.world().entity_mut(wall).insert(Mesh3d(mesh.clone()));
+            mesh
+        };
+        put(&mut stage, becomes.clone());
+        let expected = stage.settled_picture();
+        assert!(expected != first, "{name}: shows nothing");
+        let mesh = put(&mut stage, cuboid());
+        assert!(stage.settled_picture() == first, "{name}: what it was does not come back");
+        if let Some(mut mesh) = stage.world().resource_mut::<Assets<Mesh>>().get_mut(&mesh) {
+            *mesh = becomes;
+        }
+        let edited = stage.settled_picture();
+        assert!(edited == expected, "{name}: {:?}, not {:?}", light(&edited), light(&expected));
+    }
 }
