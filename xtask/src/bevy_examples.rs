@@ -19,8 +19,8 @@ const CAMERA: &str = "bevy_bounce::prelude::GlobalIllumination::default(),";
 const RUN: &str = ".run()";
 const CAMERA_3D: &str = "Camera3d::default(),";
 
-/// What Bevy's examples of three dimensions use, without sound, gamepads and the clipboard, which need headers of the system.
-const FEATURES: [&str; 14] = [
+/// What most of Bevy's examples of three dimensions use, without sound, gamepads and the clipboard, which need headers of the system.
+const FEATURES: [&str; 15] = [
     "std",
     "3d_bevy_render",
     "ui_api",
@@ -35,6 +35,7 @@ const FEATURES: [&str; 14] = [
     "mouse",
     "jpeg",
     "area_light_luts",
+    "free_camera",
 ];
 /// With which Bevy takes a picture of its own window and ends.
 const TESTING: &str = "bevy_ci_testing";
@@ -44,7 +45,7 @@ usage: cargo xtask bevy EXAMPLE [OPTIONS]
 
   One of the examples that Bevy ships (`lighting`, `animated_mesh`, `deferred_rendering`, ...) with bounced light: its
   source, to which the plugin group and the camera's component are added. It is built beside the workspace, with more of
-  Bevy than that has, which takes a while.
+  Bevy than that has, which takes a while. Those that use further crates or features of Bevy do not build.
 
   --assets FOLDER       Bevy's `assets`, which its package does not have in it
   --frames N            end after so many frames, with a picture of the window in target/bevy/screenshot-N.png
@@ -105,6 +106,7 @@ pub fn bevy(args: &[String]) -> Result<()> {
     write("Cargo.toml", &manifest(&bevy.version, options.frames.is_some()))?;
     fs::copy(root().join("Cargo.lock"), folder.join("Cargo.lock"))?;
     write(&format!("examples/{}.rs", options.example), &source)?;
+    copy_files(&bevy.folder.join("examples/helpers"), &folder.join("helpers"))?;
 
     let mut command = cargo(["run", "--example", &options.example]);
     command.current_dir(&folder);
@@ -112,7 +114,7 @@ pub fn bevy(args: &[String]) -> Result<()> {
         command.env("BEVY_ASSET_ROOT", assets);
     }
     if let Some(frames) = options.frames {
-        write("frames.ron", &format!("(events: [({frames}, Screenshot), ({}, AppExit)])", frames + 10))?;
+        write("frames.ron", &format!("(events: [({frames}, ScreenshotAndExit)])"))?;
         command.env("CI_TESTING_CONFIG", folder.join("frames.ron"));
     }
     if env::var_os("CARGO_TARGET_DIR").is_none() {
@@ -121,6 +123,16 @@ pub fn bevy(args: &[String]) -> Result<()> {
     run(&mut command)?;
     if let Some(frames) = options.frames {
         println!("The picture: {}", folder.join(format!("screenshot-{frames}.png")).display());
+    }
+    Ok(())
+}
+
+/// Files of one folder into another.
+fn copy_files(from: &Path, to: &Path) -> Result<()> {
+    fs::create_dir_all(to)?;
+    let files = fs::read_dir(from).map_err(|error| format!("{}: {error}", from.display()))?;
+    for file in files.flatten().map(|file| file.path()).filter(|file| file.is_file()) {
+        fs::copy(&file, to.join(file.file_name().unwrap_or_default()))?;
     }
     Ok(())
 }

@@ -20,7 +20,7 @@
 //! # Cost
 //!
 //! Closed, the panel has neither a camera nor a context, and asks for nothing. Open, it counts twice a second what is on the GPU,
-//! which waits for a frame. Stage times are those of Bevy's
+//! which waits for a frame, and in each frame lights and meshes. Stage times are those of Bevy's
 //! [`RenderDiagnosticsPlugin`], which is added with the panel and takes
 //! timestamps whether it is open or not.
 //!

@@ -16,6 +16,8 @@ type Lights = Or<(With<PointLight>, With<SpotLight>, With<DirectionalLight>, Wit
 
 /// Lists of the scene's lights, meshes and groups, closed at first, 50 rows of each: the settings that are shown, and whether one was
 /// changed. A light without [`GiLight`] and a mesh without [`VoxelizedMesh`] show the default, and get one where it is changed.
+///
+/// Each frame counts the entities of each list, and sorts those of an open one by name.
 pub fn scene_rows(ui: &mut Ui, world: &mut World, registry: &TypeRegistry) -> Edited {
     list::<GiLight, Lights>(ui, world, registry, "Lights")
         .and(list::<VoxelizedMesh, With<Mesh3d>>(ui, world, registry, "Meshes"))
@@ -38,8 +40,8 @@ where
         let wanted = filter(ui, title);
         let mut found = world.query_filtered::<(Entity, Option<&Name>), F>();
         let named = found.iter(world).map(|(entity, name)| (entity, name_of(entity, name)));
-        let mut named: Vec<(Entity, String)> =
-            named.filter(|(_, name)| name.to_lowercase().contains(&wanted)).collect();
+        let is_wanted = |name: &str| wanted.is_empty() || name.to_lowercase().contains(&wanted);
+        let mut named: Vec<(Entity, String)> = named.filter(|(_, name)| is_wanted(name)).collect();
         named.sort_unstable_by(|(a, first), (b, second)| (first, a).cmp(&(second, b)));
         let rows = named.iter().take(ROWS);
         let edited = rows.map(|(entity, name)| row::<C>(ui, world, registry, *entity, name));

@@ -41,6 +41,8 @@ enum View {
 /// What its values do to that, from one to the next.
 #[derive(Clone, Copy, Debug)]
 enum Effect {
+    /// Make it another.
+    Change,
     Brighten,
     Darken,
     /// Bring it nearer to that of the last.
@@ -111,7 +113,7 @@ fn cases() -> Vec<(View, Effect, Vec<GiSettings>)> {
     let filters = [CssmFilter::Nearest, CssmFilter::Pixels];
     vec![
         (View::Lights, Refine, steps(SMALL, [16, 32, 64], |s, v| s.grid = v)),
-        (View::Lights, Refine, steps(SMALL, [1.0, 40.0], |s, v| s.range = v)),
+        (View::Lights, Change, steps(SMALL, [1.0, 40.0], |s, v| s.range = v)),
         (View::Lights, Refine, steps(SMALL, [64, 256, 2048], |s, v| s.vpls = v)),
         (View::Lights, Brighten, steps(SMALL, [1, 2, 6], |s, v| s.bounces = v)),
         (View::Lights, Darken, steps(SMALL, [None, Voxel], |s, v| s.visibility = v)),
@@ -125,10 +127,10 @@ fn cases() -> Vec<(View, Effect, Vec<GiSettings>)> {
         (View::Lights, Brighten, steps(COMPENSATED, [0, 1, 2], |s, v| s.ssbc.iterations = v)),
         (View::Residual, Refine, steps(COMPENSATED, [2.0, 0.3, 0.02], |s, v| s.ssbc.solid_angle = v)),
         (View::Residual, Refine, steps(COMPENSATED, [2.0, 0.3, 0.02], |s, v| s.ssbc.edge_solid_angle = v)),
-        (View::Residual, Refine, steps(COMPENSATED, [Half, Full], |s, v| s.ssbc.resolution = v)),
+        (View::Residual, Change, steps(COMPENSATED, [Half, Full], |s, v| s.ssbc.resolution = v)),
         (View::Residual, Smooth, steps(COMPENSATED, [false, true], |s, v| s.ssbc.blur = v)),
         (View::Lights, Brighten, steps(SMALL, [false, true], |s, v| s.radiance_cache.glossy = v)),
-        (View::Caches, Refine, steps(SMALL, [256, 32768], |s, v| s.radiance_cache.caches = v)),
+        (View::Caches, Change, steps(SMALL, [256, 32768], |s, v| s.radiance_cache.caches = v)),
         (View::Caches, Smooth, steps(SMALL, [1.5, 4.0], |s, v| s.radiance_cache.reach = v)),
         (View::Caches, Brighten, steps(SMALL, [false, true], |s, v| s.radiance_cache.further_bounces = v)),
         (View::Baked, Refine, steps(SMALL, [64.0, 16.0, 2.0], |s, v| s.cssm.error = v)),
@@ -197,9 +199,13 @@ fn of_pictures(
     pictures.iter().map(|picture| figure(picture, last)).collect()
 }
 
-/// What has to fall from one value to the next.
+/// What has to fall from one value to the next; for a mere change, what does so anyway.
 fn measure(stage: &mut Stage, view: View, effect: Effect, steps: &[GiSettings]) -> Vec<f64> {
     match effect {
+        Effect::Change => {
+            of_pictures(stage, view, steps, |_, _| 0.0);
+            (0..steps.len()).map(|step| -(step as f64)).collect()
+        }
         Effect::Brighten => of_pictures(stage, view, steps, |picture, _| -picture.mean_luminance()),
         Effect::Darken => of_pictures(stage, view, steps, |picture, _| picture.mean_luminance()),
         Effect::Refine => {

@@ -5,8 +5,12 @@
 //! there, and what bias compensation sends from there has none. What is mirrored stays, for a lightmap has only what is diffuse.
 //!
 //! Instances: 48 bytes each, the rows of `world_from_local`, a vertex buffer that steps by instance. One draw a mesh and view, of
-//! what Bevy found visible there; nothing where no mesh has a lightmap. A mesh is drawn in its rest pose: skinned and morphed ones
-//! that left it are not marked.
+//! what Bevy found visible there. On the processor each mesh with a lightmap is read in each frame, and those in view are sorted; nothing is
+//! done where no mesh has one.
+//!
+//! A mesh is drawn as it is in its asset and at its own depth. Not marked are skinned and morphed ones that left their rest pose, those that
+//! a vertex shader moves, those whose material has a `depth_bias`, and for the frames until its pipeline is compiled the first mesh of a
+//! vertex layout: these have bounced light on top.
 
 use std::ops::Range;
 
@@ -37,6 +41,7 @@ use bevy::render::view::{
 };
 use bevy::shader::Shader;
 
+use super::pipelines::ViewPipelines;
 use crate::compute::GiShaders;
 use crate::view::{GiView, ViewTextures, view_binding};
 
@@ -99,7 +104,10 @@ pub(super) struct LightmappedPipeline {
 pub(super) fn init_lightmapped_pipeline(mut commands: Commands, shaders: Res<GiShaders>) {
     let entries = BindGroupLayoutEntries::sequential(
         ShaderStages::VERTEX_FRAGMENT,
-        (uniform_buffer::<ViewUniform>(false), texture_2d(TextureSampleType::Uint).visibility(ShaderStages::FRAGMENT)),
+        (
+            uniform_buffer::<ViewUniform>(false).visibility(ShaderStages::VERTEX),
+            texture_2d(TextureSampleType::Uint).visibility(ShaderStages::FRAGMENT),
+        ),
     );
     commands.insert_resource(LightmappedPipeline {
         layout: BindGroupLayoutDescriptor::new("bounce_lightmapped_layout", &entries),
@@ -195,7 +203,10 @@ pub(super) fn prepare_lightmapped(
     mut pipelines: MeshPipelines,
     device: Res<RenderDevice>,
     queue: Res<RenderQueue>,
-    mut views: Query<(Entity, Option<&RenderVisibleEntities>, Has<GiView>, Option<&mut LightmappedInView>)>,
+    mut views: Query<
+        (Entity, Option<&RenderVisibleEntities>, Has<GiView>, Option<&mut LightmappedInView>),
+        Or<(With<GiView>, With<LightmappedInView>)>,
+    >,
 ) {
     for (entity, visible, has_light, listed) in &mut views {
         let visible = visible.filter(|_| has_light && !lightmapped.0.is_empty()).and_then(|all| all.get::<Mesh3d>());
@@ -218,7 +229,10 @@ pub(super) fn prepare_lightmapped(
 
 /// Marks what a view sees of them.
 pub(super) fn lightmapped_pass(
-    view: ViewQuery<(&ViewTextures, &LightmappedInView, &ViewUniformOffset), With<SkipDeferredLighting>>,
+    view: ViewQuery<
+        (&ViewTextures, &LightmappedInView, &ViewUniformOffset),
+        (With<ViewPipelines>, With<SkipDeferredLighting>),
+    >,
     pipeline: Res<LightmappedPipeline>,
     cache: Res<PipelineCache>,
     meshes: Res<RenderAssets<RenderMesh>>,
