@@ -56,7 +56,8 @@ usage: cargo xtask bevy EXAMPLE [OPTIONS]
 #[derive(Debug, Default, PartialEq)]
 struct Options {
     example: String,
-    assets: Option<PathBuf>,
+    /// Where Bevy looks for a folder `assets`.
+    asset_root: Option<PathBuf>,
     frames: Option<u32>,
     without: bool,
 }
@@ -68,7 +69,7 @@ impl Options {
         while let Some(arg) = args.next() {
             let mut value = || args.next().ok_or(format!("bevy: `{arg}` needs a value"));
             match arg.as_str() {
-                "--assets" => options.assets = Some(fs::canonicalize(value()?)?),
+                "--assets" => options.asset_root = Some(asset_root(value()?)?),
                 "--frames" => {
                     let frames = value()?;
                     let parsed = frames.parse().map_err(|_| format!("bevy: --frames `{frames}` is not a number"))?;
@@ -81,6 +82,13 @@ impl Options {
         }
         if options.example.is_empty() { Err(format!("bevy: which example?\n\n{USAGE}").into()) } else { Ok(options) }
     }
+}
+
+/// The folder that holds that one, whose name Bevy takes for granted.
+fn asset_root(assets: &str) -> Result<PathBuf> {
+    let folder = fs::canonicalize(assets).map_err(|error| format!("bevy: --assets {assets}: {error}"))?;
+    let root = folder.parent().filter(|_| folder.ends_with("assets"));
+    Ok(root.ok_or(format!("bevy: --assets {assets}: Bevy looks for a folder of the name `assets`"))?.to_owned())
 }
 
 /// Builds and runs one of them.
@@ -110,8 +118,8 @@ pub fn bevy(args: &[String]) -> Result<()> {
 
     let mut command = cargo(["run", "--example", &options.example]);
     command.current_dir(&folder);
-    if let Some(assets) = options.assets.as_deref().and_then(Path::parent) {
-        command.env("BEVY_ASSET_ROOT", assets);
+    if let Some(root) = &options.asset_root {
+        command.env("BEVY_ASSET_ROOT", root);
     }
     if let Some(frames) = options.frames {
         write("frames.ron", &format!("(events: [({frames}, ScreenshotAndExit)])"))?;
@@ -225,6 +233,10 @@ mod tests {
         let options = parse(&["lighting", "--frames", "30", "--without"])?;
         let example = "lighting".to_owned();
         assert_eq!(options, Options { example, frames: Some(30), without: true, ..Options::default() });
+        let assets = root().join("assets");
+        let options = parse(&["lighting", "--assets", &assets.to_string_lossy()])?;
+        assert_eq!(options.asset_root.map(|root| root.join("assets")), Some(fs::canonicalize(&assets)?));
+        assert!(parse(&["lighting", "--assets", &root().to_string_lossy()]).is_err(), "another name");
         for wrong in
             [&["--frames", "30"] as &[&str], &["lighting", "--frames"], &["lighting", "--frame", "3"], &["a", "b"]]
         {

@@ -1,4 +1,5 @@
-//! What surfaces are for bounced light that have colours at their vertices, or a material of a game's own.
+//! What surfaces are for bounced light that have colours at their vertices, textures that are transformed, meshes that are edited, or a
+//! material of a game's own.
 
 use bevy::asset::RenderAssetUsages;
 use bevy::math::Affine2;

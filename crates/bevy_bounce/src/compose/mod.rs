@@ -11,7 +11,8 @@
 //!    or of ambient light that is the sky, is added in proportion to what of the sky they see.
 //!
 //! Bevy's ambient light and irradiance volumes are left out, for they stand for the bounced light that is computed here;
-//! lightmaps, which Bevy's G-buffer carries as emission, stay, and where they are, diffuse bounced light is left out. Emission shows as in Bevy's deferred path, without exposure.
+//! lightmaps, which Bevy's G-buffer carries as emission, stay, and where they are, diffuse bounced light is left out. Emission shows
+//! as in Bevy's deferred path, without exposure.
 //! While the pipelines are compiled, and should they fail, Bevy's lighting runs.
 
 mod extract;
