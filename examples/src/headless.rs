@@ -16,8 +16,8 @@ use crate::capture::{self, CaptureScene, Targets};
 use crate::metering::{Metered, exposure_for};
 use crate::{Error, Run, stage_clock, stats};
 
-/// Frames without a waiting pipeline or asset that count as warm.
-const CALM_FRAMES: u32 = 4;
+/// Frames in a row without a waiting asset, a waiting or a new pipeline that count as warm.
+const CALM_FRAMES: u32 = 2;
 /// Warm-up gives up after this long: a big scene on a software adapter takes a minute or two.
 const PATIENCE: Duration = Duration::from_secs(600);
 
@@ -90,10 +90,15 @@ pub fn warm_up(app: &mut App) -> Result<(), Error> {
     app.cleanup();
     // Steps are as long as asked for, not shortened to what a game may want at most.
     app.world_mut().resource_mut::<Time<Virtual>>().set_max_delta(Duration::from_secs(1_000_000));
-    let (begin, mut calm) = (Instant::now(), 0);
-    while calm < CALM_FRAMES {
+    settle(app, CALM_FRAMES)
+}
+
+/// Renders at the time there is until so many frames in a row needed nothing new.
+pub fn settle(app: &mut App, calm_frames: u32) -> Result<(), Error> {
+    let (begin, mut calm, mut known) = (Instant::now(), 0, pipelines(app)?.pipelines().count());
+    while calm < calm_frames {
         frame(app, Duration::ZERO)?;
-        let waiting = waiting(app)?;
+        let waiting = waiting(app, &mut known)?;
         calm = if waiting.is_none() { calm + 1 } else { 0 };
         if let Some(waiting) = waiting.filter(|_| begin.elapsed() > PATIENCE) {
             return Err(Error::Render(format!(
@@ -105,14 +110,17 @@ pub fn warm_up(app: &mut App) -> Result<(), Error> {
     Ok(())
 }
 
-fn waiting(app: &App) -> Result<Option<String>, Error> {
+fn pipelines(app: &App) -> Result<&PipelineCache, Error> {
+    let render_app = app.get_sub_app(RenderApp).ok_or_else(|| Error::Adapter("the renderer did not start".into()))?;
+    Ok(render_app.world().resource::<PipelineCache>())
+}
+
+/// What is not there yet; `known`: how many pipelines there were a frame ago.
+fn waiting(app: &App, known: &mut usize) -> Result<Option<String>, Error> {
     if let Some(pending) = app.world().resource::<Pending>().0.first() {
         return Ok(Some(pending.clone()));
     }
-    let Some(render_app) = app.get_sub_app(RenderApp) else {
-        return Err(Error::Adapter("the renderer did not start".into()));
-    };
-    let cache = render_app.world().resource::<PipelineCache>();
+    let cache = pipelines(app)?;
     let waiting = cache.waiting_pipelines().count();
     if waiting > 0 {
         return Ok(Some(format!("{waiting} shader pipelines")));
@@ -123,7 +131,8 @@ fn waiting(app: &App) -> Result<Option<String>, Error> {
             return Err(Error::Render(format!("a shader pipeline does not compile: {error}")));
         }
     }
-    Ok(None)
+    let before = std::mem::replace(known, cache.pipelines().count());
+    Ok((*known > before).then(|| format!("{} new shader pipelines", *known - before)))
 }
 
 /// Renders one frame to its end, `step` later in animation time, and says how long it took.

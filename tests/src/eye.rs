@@ -1,5 +1,7 @@
 //! Further cameras of a [`Stage`], each with a target of its own that holds what it measures.
 
+use std::time::Duration;
+
 use bevy::asset::RenderAssetUsages;
 use bevy::camera::{Exposure, RenderTarget};
 use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
@@ -40,6 +42,14 @@ impl Eye {
     pub fn picture(&self, stage: &Stage) -> Picture {
         let pixels = decode(&stage.read(&self.target), self.exposure);
         Picture { width: self.size.x as usize, height: self.size.y as usize, pixels }
+    }
+
+    /// Throws frames away until all that the camera needs has been compiled. In its first it has no target yet, in its second no
+    /// bounced light.
+    pub fn settle(&self, stage: &mut Stage) {
+        stage.frame(Duration::ZERO);
+        stage.frame(Duration::ZERO);
+        stage.settle();
     }
 
     /// Gives the target another size.

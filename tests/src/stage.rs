@@ -149,10 +149,14 @@ impl Stage {
         capture::read(&self.app, image).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// The next frame after all that new settings need has been compiled: two frames are thrown away.
+    /// Throws frames away until one needed nothing new.
+    pub fn settle(&mut self) {
+        headless::settle(&mut self.app, 1).unwrap_or_else(|error| panic!("{error}"));
+    }
+
+    /// The next frame after all that new settings need has been compiled.
     pub fn settled_picture(&mut self) -> Picture {
-        self.frame(Duration::ZERO);
-        self.frame(Duration::ZERO);
+        self.settle();
         self.picture()
     }
 }

@@ -1,6 +1,8 @@
 // Light that falls on each cell of the grid: of Bevy's lights by a shadow ray to each, of a sixteenth of the sky's directions,
 // and of a sixteenth of the virtual lights, which stand for emissive surfaces and for all further bounces. Rehfeld, Zirr and Dachsbacher 2014, 3.1, "Voxel
-// Illumination"; shadow rays meet the planes of the grid's cells, where the paper's cones meet the opacity of voxels.
+// Illumination"; shadow rays meet the planes of the grid's cells, where the paper's cones meet the opacity of voxels. They go the way light
+// does: a one-sided surface lets pass what comes from behind, as in Bevy's shadow maps. The sky has none, and is hidden by what
+// faces the cell.
 //
 // Which sixteenth follows from the voxel's place, such that any 4x4 voxels of a plane have all sixteen: `volume.wgsl` takes
 // their mean.
@@ -11,7 +13,7 @@
 // sky's directions and of the virtual lights.
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::grid::{Cell, cell_plane, cell_area}
+#import bevy_bounce::shared::grid::{Cell, grid_level, cell_plane, cell_area}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, cells, voxel_groups, is_blocked, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::PI
@@ -35,6 +37,8 @@
 const PLACE_VALID: u32 = 0x80000000u;
 /// Voxels from the ends of a ray within which nothing blocks: a cell's plane is the mean of what its voxel holds.
 const GAP: f32 = 0.25;
+/// Voxels: beyond any grid.
+const FAR: f32 = 1e6;
 
 struct Receiver {
     // World.
@@ -69,15 +73,33 @@ fn receiver_in_group(index: u32, place: u32) -> Receiver {
     return Receiver(from_group(group, middle_of(cell, voxel)), normal, voxel, cell_area(cell) > 0.0);
 }
 
-fn is_seen(receiver: Receiver, direction: vec3<f32>, distance: f32, end_normal: vec3<f32>) -> bool {
+// Whether light from a place reaches a cell. `normal`: that of the surface it comes from, zero where there is none.
+fn is_lit(receiver: Receiver, source: vec3<f32>, normal: vec3<f32>) -> bool {
+    var ray: Ray;
+    ray.origin = to_grid(source);
+    let way = to_grid(receiver.position) - ray.origin;
+    ray.length = length(way);
+    ray.direction = way / max(ray.length, 1e-6);
+    ray.start_normal = normal;
+    ray.end_normal = receiver.normal;
+    ray.gap = GAP;
+    return !is_blocked(ray);
+}
+
+fn sees_sky(receiver: Receiver, direction: vec3<f32>) -> bool {
     var ray: Ray;
     ray.origin = to_grid(receiver.position);
     ray.direction = direction;
-    ray.length = distance / grid.voxel_size;
+    ray.length = FAR;
     ray.start_normal = receiver.normal;
-    ray.end_normal = end_normal;
     ray.gap = GAP;
     return !is_blocked(ray);
+}
+
+// Length of the diagonal of all grids, metres.
+fn grid_diagonal() -> f32 {
+    let coarsest = grid_level(grid, grid.further_count);
+    return length(vec3<f32>(coarsest.dims)) * coarsest.voxel_size;
 }
 
 fn from_rect_light(receiver: Receiver, light: Light) -> vec3<f32> {
@@ -86,8 +108,7 @@ fn from_rect_light(receiver: Receiver, light: Light) -> vec3<f32> {
         let way = rect_part(light, part) - receiver.position;
         let form_factor = rect_part_form_factor(light, way, receiver.normal);
         if form_factor > 0.0 {
-            let distance = length(way);
-            sum += select(0.0, form_factor, is_seen(receiver, way / distance, distance, light.direction));
+            sum += select(0.0, form_factor, is_lit(receiver, receiver.position + way, light.direction));
         }
     }
     let middle = light.position - receiver.position;
@@ -95,17 +116,17 @@ fn from_rect_light(receiver: Receiver, light: Light) -> vec3<f32> {
 }
 
 fn from_light(receiver: Receiver, light: Light) -> vec3<f32> {
-    var direction = -light.direction;
-    var distance = 1e6 * grid.voxel_size;
-    var strength = 1.0;
     if light.kind == LIGHT_RECT {
         return from_rect_light(receiver, light);
     }
+    var direction = -light.direction;
+    var source = receiver.position + direction * grid_diagonal();
+    var strength = 1.0;
     if light.kind != LIGHT_DIRECTIONAL {
-        let way = light.position - receiver.position;
+        source = light.position;
+        let way = source - receiver.position;
         let square = max(dot(way, way), 1e-12);
-        distance = sqrt(square);
-        direction = way / distance;
+        direction = way / sqrt(square);
         // Within half a voxel the cell's mean place says nothing about the distance.
         let near = 0.25 * grid.voxel_size * grid.voxel_size;
         strength = range_window(light.range, square) / max(square, near);
@@ -114,7 +135,7 @@ fn from_light(receiver: Receiver, light: Light) -> vec3<f32> {
         }
     }
     strength *= max(dot(receiver.normal, direction), 0.0);
-    if strength <= 0.0 || !is_seen(receiver, direction, distance, vec3<f32>(0.0)) {
+    if strength <= 0.0 || !is_lit(receiver, source, vec3<f32>(0.0)) {
         return vec3<f32>(0.0);
     }
     return light.color * strength;
@@ -124,7 +145,11 @@ fn from_light(receiver: Receiver, light: Light) -> vec3<f32> {
 fn from_sky(receiver: Receiver, first: u32, step: u32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
     for (var i = first; i < scene.sky_count; i += step) {
-        sum += from_light(receiver, lights[scene.light_count + i]);
+        let light = lights[scene.light_count + i];
+        let cosine = -dot(receiver.normal, light.direction);
+        if cosine > 0.0 && sees_sky(receiver, -light.direction) {
+            sum += light.color * cosine;
+        }
     }
     return sum * f32(step);
 }
@@ -137,11 +162,10 @@ fn from_virtual_lights(receiver: Receiver, subset: u32) -> vec3<f32> {
         let vpl = vpls[i];
         let way = vpl.position - receiver.position;
         let square = max(dot(way, way), 1e-12);
-        let distance = sqrt(square);
-        let direction = way / distance;
+        let direction = way / sqrt(square);
         let cosines = max(dot(receiver.normal, direction), 0.0) * max(-dot(vpl.normal, direction), 0.0);
         let geometry_term = min(cosines / square, bound);
-        if geometry_term > 0.0 && is_seen(receiver, direction, distance, vpl.normal) {
+        if geometry_term > 0.0 && is_lit(receiver, vpl.position, vpl.normal) {
             sum += vpl.flux * geometry_term;
         }
     }

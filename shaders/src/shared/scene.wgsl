@@ -14,6 +14,12 @@ const SKIN_WORDS: u32 = 4u;
 const DEFORMED_WORDS: u32 = 3u;
 /// Edge of a thumbnail, in texels.
 const THUMBNAIL_SIZE: u32 = 16u;
+/// Words of a thumbnail.
+const THUMBNAIL_WORDS: u32 = 256u;
+/// How a texture goes on beyond its edges along an axis.
+const WRAP_CLAMP: u32 = 1u;
+const WRAP_MIRROR: u32 = 2u;
+const WRAP_BITS: u32 = 2u;
 /// Reflects on both sides.
 const INSTANCE_TWO_SIDED: u32 = 1u;
 /// The side seen is the one with clockwise winding.
@@ -112,10 +118,26 @@ fn material_uv(material: Material, uv: vec2<f32>) -> vec2<f32> {
     );
 }
 
-/// Word of a thumbnail that holds the nearest texel; textures repeat.
-fn thumbnail_texel(uv: vec2<f32>) -> u32 {
-    let texel = min(vec2<u32>(fract(uv) * f32(THUMBNAIL_SIZE)), vec2<u32>(THUMBNAIL_SIZE - 1u));
-    return texel.y * THUMBNAIL_SIZE + texel.x;
+// The place within a texture that is seen there along an axis, in [0, 1].
+fn wrapped(place: f32, wrap: u32) -> f32 {
+    switch wrap & ((1u << WRAP_BITS) - 1u) {
+        case WRAP_CLAMP: {
+            return clamp(place, 0.0, 1.0);
+        }
+        case WRAP_MIRROR: {
+            return 1.0 - abs(2.0 * fract(0.5 * place) - 1.0);
+        }
+        default: {
+            return fract(place);
+        }
+    }
+}
+
+/// Word of the thumbnails that holds the nearest texel. `thumbnail`: as a material has it.
+fn thumbnail_texel(thumbnail: u32, uv: vec2<f32>) -> u32 {
+    let place = vec2<f32>(wrapped(uv.x, thumbnail), wrapped(uv.y, thumbnail >> WRAP_BITS));
+    let texel = min(vec2<u32>(place * f32(THUMBNAIL_SIZE)), vec2<u32>(THUMBNAIL_SIZE - 1u));
+    return (thumbnail & ~(THUMBNAIL_WORDS - 1u)) + texel.y * THUMBNAIL_SIZE + texel.x;
 }
 
 /// Share of light that a surface sends on: what is reflected at the surface itself, then the rest by its colour.

@@ -123,7 +123,7 @@ fn triangle_color(t: Triangle, p: vec3<f32>) -> vec4<f32> {
 
 // Colour (linear) of a thumbnail at a UV; alpha, or of a masked surface the share that is there.
 fn thumbnail_color(material: Material, thumbnail: u32, uv: vec2<f32>) -> vec4<f32> {
-    return unpack_color(thumbnails[thumbnail + thumbnail_texel(material_uv(material, uv))]);
+    return unpack_color(thumbnails[thumbnail_texel(thumbnail, material_uv(material, uv))]);
 }
 
 /// Linear albedo of the surface at a point of it; what it reflects before that is part of it.

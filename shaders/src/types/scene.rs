@@ -18,6 +18,18 @@ pub const DEFORMED_WORDS: u32 = 3;
 /// Edge of a thumbnail, in texels; one word a texel (RGBA8, colour stored as its square root).
 pub const THUMBNAIL_SIZE: u32 = 16;
 
+/// How a texture goes on beyond its edges along an axis: from its start again.
+pub const WRAP_REPEAT: u32 = 0;
+
+/// How a texture goes on beyond its edges along an axis: with what is at the edge.
+pub const WRAP_CLAMP: u32 = 1;
+
+/// How a texture goes on beyond its edges along an axis: there and back.
+pub const WRAP_MIRROR: u32 = 2;
+
+/// Bits of how a texture goes on along an axis, in the words that say where its thumbnail is: u from bit 0, v after that.
+pub const WRAP_BITS: u32 = 2;
+
 /// [`Instance::flags`]: reflects on both sides.
 pub const INSTANCE_TWO_SIDED: u32 = 1;
 
@@ -74,9 +86,10 @@ pub struct Material {
     pub uv_x: Vec4,
     /// v' = dot(y.xy, uv) + y.z.
     pub uv_y: Vec4,
-    /// First word of the base colour thumbnail, or [`NONE`](super::NONE).
+    /// First word of the base colour thumbnail, a multiple of [`THUMBNAIL_SIZE`]^2, with how the texture goes on beyond its edges
+    /// ([`WRAP_BITS`]) in the bits below that; or [`NONE`](super::NONE).
     pub albedo_thumbnail: u32,
-    /// First word of the emissive thumbnail, or [`NONE`](super::NONE).
+    /// The same of the emissive thumbnail.
     pub emissive_thumbnail: u32,
     /// What is reflected before light comes to the albedo, 0 to 1.
     pub specular: f32,

@@ -2,6 +2,7 @@
 //! material of a game's own.
 
 use bevy::asset::RenderAssetUsages;
+use bevy::image::{ImageAddressMode, ImageSampler, ImageSamplerDescriptor};
 use bevy::math::Affine2;
 use bevy::mesh::VertexAttributeValues;
 use bevy::pbr::{ExtendedMaterial, MaterialExtension};
@@ -169,6 +170,16 @@ fn colors_of_vertices_are_reflected() {
     assert!(is_near, "{found:?} of {red:?}");
 }
 
+/// A texture of two texels, the red one on the left.
+fn red_and_green(stage: &mut Stage) -> Handle<Image> {
+    let texels = [RED, LinearRgba::GREEN].map(|color| color.to_f32_array()).concat();
+    let texels: Vec<u8> = texels.into_iter().flat_map(|value| half::f16::from_f32(value).to_le_bytes()).collect();
+    let size = Extent3d { width: 2, height: 1, depth_or_array_layers: 1 };
+    let (dimension, format) = (TextureDimension::D2, TextureFormat::Rgba16Float);
+    let texture = Image::new(size, dimension, texels, format, RenderAssetUsages::default());
+    stage.world().resource_mut::<Assets<Image>>().add(texture)
+}
+
 /// A texture of two texels, of which the material's transform leaves one on the wall.
 #[test]
 fn textures_lie_where_their_transform_puts_them() {
@@ -177,12 +188,7 @@ fn textures_lie_where_their_transform_puts_them() {
         paint(&mut stage, matte(color));
         light(&stage.settled_picture())
     });
-    let texels = [RED, LinearRgba::GREEN].map(|color| color.to_f32_array()).concat();
-    let texels: Vec<u8> = texels.into_iter().flat_map(|value| half::f16::from_f32(value).to_le_bytes()).collect();
-    let size = Extent3d { width: 2, height: 1, depth_or_array_layers: 1 };
-    let (dimension, format) = (TextureDimension::D2, TextureFormat::Rgba16Float);
-    let texture = Image::new(size, dimension, texels, format, RenderAssetUsages::default());
-    let texture = stage.world().resource_mut::<Assets<Image>>().add(texture);
+    let texture = red_and_green(&mut stage);
     for (first, expected) in [(0.125, red), (0.625, green)] {
         let uv_transform = Affine2::from_scale_angle_translation(Vec2::splat(0.25), 0.0, Vec2::new(first, 0.0));
         let base_color_texture = Some(texture.clone());
@@ -190,6 +196,40 @@ fn textures_lie_where_their_transform_puts_them() {
         let found = light(&stage.settled_picture());
         let is_near = (0..3).all(|i| (found[i] - expected[i]).abs() < 0.03 * expected[0].max(expected[1]));
         assert!(is_near, "from {first}: {found:?}, not {expected:?}");
+    }
+}
+
+/// A texture, red on the left and green on the right, of which the wall is beyond the right edge; and once more beyond the left.
+#[test]
+fn textures_go_on_as_their_samplers_say() {
+    let mut stage = stage(|_| {});
+    let [red, green] = [RED, LinearRgba::GREEN].map(|color| {
+        paint(&mut stage, matte(color));
+        light(&stage.settled_picture())
+    });
+    let texture = red_and_green(&mut stage);
+    use ImageAddressMode::{ClampToEdge, MirrorRepeat, Repeat};
+    for (mode, first, expected) in [
+        (None, 1.125, green),
+        (None, -0.875, red),
+        (Some(ClampToEdge), 1.125, green),
+        (Some(Repeat), 1.125, red),
+        (Some(Repeat), -0.875, red),
+        (Some(MirrorRepeat), 1.125, green),
+        (Some(MirrorRepeat), 2.125, red),
+    ] {
+        let sampler = mode.map_or(ImageSampler::Default, |mode| {
+            ImageSampler::Descriptor(ImageSamplerDescriptor { address_mode_u: mode, ..default() })
+        });
+        if let Some(mut texture) = stage.world().resource_mut::<Assets<Image>>().get_mut(&texture) {
+            texture.sampler = sampler;
+        }
+        let uv_transform = Affine2::from_scale_angle_translation(Vec2::splat(0.25), 0.0, Vec2::new(first, 0.0));
+        let base_color_texture = Some(texture.clone());
+        paint(&mut stage, StandardMaterial { base_color_texture, uv_transform, ..matte(LinearRgba::WHITE) });
+        let found = light(&stage.settled_picture());
+        let is_near = (0..3).all(|i| (found[i] - expected[i]).abs() < 0.03 * expected[0].max(expected[1]));
+        assert!(is_near, "{mode:?} from {first}: {found:?}, not {expected:?}");
     }
 }
 

@@ -69,11 +69,14 @@ fn stage(size: UVec2, settings: GiSettings, forward: bool) -> Stage {
     })
 }
 
+/// It warms up with few lights and no probes, for what is asked for takes seconds a frame on a software adapter.
 pub fn stage_of(size: UVec2, settings: GiSettings, forward: bool, scene: impl FnOnce(&mut App)) -> Stage {
-    let mut run = run(size, Some(illumination(settings)));
+    let mut run = run(size, Some(illumination(SMALL)));
     run.forward = forward;
     run.isolate = GiIsolate::All;
-    Stage::with_run(run, scene)
+    let mut stage = Stage::with_run(run, scene);
+    stage.light_by(illumination(settings));
+    stage
 }
 
 pub fn show(stage: &mut Stage, isolate: GiIsolate) {
@@ -83,10 +86,7 @@ pub fn show(stage: &mut Stage, isolate: GiIsolate) {
 
 fn settled(stage: &mut Stage, settings: GiSettings) -> Picture {
     stage.light_by(illumination(settings));
-    for _ in 0..3 {
-        stage.frame(Duration::ZERO);
-    }
-    stage.picture()
+    stage.settled_picture()
 }
 
 pub fn minus(a: &Picture, b: &Picture) -> Picture {

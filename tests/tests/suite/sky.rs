@@ -309,7 +309,7 @@ fn what_is_mirrored_of_the_sky_is_shadowed() {
     let mean = open.mean_luminance() / by_bevy.mean_luminance();
     assert!((mean - 1.0).abs() < 0.005, "{mean} of what an open floor mirrors by Bevy");
     for (roughness, power) in [(1.0, 1), (0.7, 6), (0.3, 6)] {
-        let open = mirrored(roughness, SKY, |_| {}).settled_picture();
+        let open = if roughness == 0.7 { open.clone() } else { mirrored(roughness, SKY, |_| {}).settled_picture() };
         let beside = mirrored(roughness, SKY, black_wall).settled_picture();
         let (found, expected) = (at(&beside, 24, 16) / at(&open, 24, 16), past_the_wall(power));
         println!("roughness {roughness}: {found:.4} of the lobe goes past the wall, {expected:.4} by quadrature");

@@ -195,7 +195,7 @@ impl Groups {
 
     /// What has changed without its value: meshes and thumbnails that were written anew in their place.
     fn invalidate(&mut self, instances: &Instances, thumbnails: &Thumbnails) {
-        let rewritten: BTreeSet<u32> = thumbnails.queue.iter().map(|queued| queued.job.offset).collect();
+        let rewritten: BTreeSet<u32> = thumbnails.queue.iter().map(|queued| queued.at).collect();
         let meshes = instances.meshes_changed_now();
         if rewritten.is_empty() && meshes.is_empty() {
             return;

@@ -64,7 +64,7 @@ use self::passes::{init_pipelines, scene_pass};
 use self::prepare::{init_scene, upload_scene};
 use self::regions::place_regions;
 use self::sky::{ExtractedSky, extract_sky, init_sky, light_sky, update_sky};
-use self::thumbnails::{collect_images, update_thumbnails};
+use self::thumbnails::{Wraps, collect_images, update_thumbnails};
 use crate::GiSystems;
 use crate::camera::device_is_adequate;
 use crate::compute::load_shaders;
@@ -141,6 +141,8 @@ impl Plugin for GiScenePlugin {
             return;
         }
         load_shaders(app);
+        let images = app.get_added_plugins::<ImagePlugin>();
+        let wraps = images.first().map_or_else(Wraps::default, |images| Wraps::new(&images.default_sampler));
         let Some(render_app) = app.get_sub_app_mut(RenderApp) else { return };
         configure_stages(render_app);
         render_app
@@ -158,6 +160,7 @@ impl Plugin for GiScenePlugin {
             .init_resource::<Occluders>()
             .init_resource::<Lights>()
             .init_resource::<DeformJobs>()
+            .insert_resource(wraps)
             .add_systems(RenderStartup, (init_scene, init_pipelines, init_sky))
             .add_systems(
                 ExtractSchedule,

@@ -64,7 +64,7 @@ pub(super) fn scene_pass(
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/scene");
 
-    for QueuedThumbnail { key, job } in &thumbnails.queue {
+    for QueuedThumbnail { key, job, .. } in &thumbnails.queue {
         let job = device.create_buffer_with_data(&BufferInitDescriptor {
             label: Some("bounce_thumbnail_job"),
             contents: bytemuck::cast_slice(&job_words(job)),

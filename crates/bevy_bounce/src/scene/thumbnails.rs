@@ -2,10 +2,12 @@
 //!
 //! A thumbnail is 256 words of one buffer, made on the GPU by `scene/thumbnail.wgsl` when the texture arrives or changes:
 //! base colour, or the emissive texture. Of masked textures alpha is the share of the texels that are there. Any two-dimensional texture that can be read as floats will do, whatever its
-//! compression. What is above 1 in an emissive texture counts as 1.
+//! compression. What is above 1 in an emissive texture counts as 1. Beyond its edges a texture goes on as its sampler says; a border's
+//! colour counts as that of the edge.
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use bevy::image::{ImageAddressMode, ImageSampler, ImageSamplerDescriptor};
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
 use bevy::render::render_asset::{ExtractedAssets, RenderAssets};
@@ -15,7 +17,7 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::render::texture::GpuImage;
-use bevy_bounce_shaders::types::{THUMBNAIL_SIZE, ThumbnailJob};
+use bevy_bounce_shaders::types::{THUMBNAIL_SIZE, ThumbnailJob, WRAP_BITS, WRAP_CLAMP, WRAP_MIRROR, WRAP_REPEAT};
 
 use super::allocator::SlotAllocator;
 use super::passes::ScenePipelines;
@@ -40,7 +42,8 @@ pub(super) enum Thumbnail {
     Pending,
     /// The image has no two-dimensional colours, or there is no room: the material goes without.
     None,
-    /// First word in the buffer.
+    /// First word in the buffer, and how the texture goes on beyond its edges: as in
+    /// [`Material::albedo_thumbnail`](bevy_bounce_shaders::types::Material::albedo_thumbnail).
     At(u32),
 }
 
@@ -54,6 +57,8 @@ struct Entry {
 pub(super) struct QueuedThumbnail {
     /// From these.
     pub key: ThumbnailKey,
+    /// What materials get for it.
+    pub at: u32,
     /// Like this.
     pub job: ThumbnailJob,
 }
@@ -157,8 +162,66 @@ fn thumbnail_buffer(device: &RenderDevice, slots: u32) -> Buffer {
     })
 }
 
-/// Notes the images that arrive or change. Before `prepare_assets::<GpuImage>`, which forgets them.
-pub(super) fn collect_images(mut thumbnails: ResMut<Thumbnails>, extracted: Res<ExtractedAssets<GpuImage>>) {
+/// How textures go on beyond their edges. Outlives the device.
+#[derive(Resource)]
+pub(super) struct Wraps {
+    /// Where the image does not say.
+    default: u32,
+    /// Of images that do not repeat.
+    by_image: HashMap<AssetId<Image>, u32>,
+}
+
+impl Default for Wraps {
+    fn default() -> Self {
+        Self::new(&ImageSamplerDescriptor::default())
+    }
+}
+
+impl Wraps {
+    /// Of images without a sampler of their own that of the plugin counts.
+    pub fn new(default: &ImageSamplerDescriptor) -> Self {
+        Self { default: wrap(default), by_image: HashMap::default() }
+    }
+
+    fn get(&self, image: AssetId<Image>) -> u32 {
+        self.by_image.get(&image).copied().unwrap_or(WRAP_REPEAT)
+    }
+
+    fn insert(&mut self, id: AssetId<Image>, image: &Image) {
+        let wrap = match &image.sampler {
+            ImageSampler::Default => self.default,
+            ImageSampler::Descriptor(sampler) => wrap(sampler),
+        };
+        if wrap == WRAP_REPEAT {
+            self.by_image.remove(&id);
+        } else {
+            self.by_image.insert(id, wrap);
+        }
+    }
+}
+
+/// Of both axes.
+fn wrap(sampler: &ImageSamplerDescriptor) -> u32 {
+    let axis = |mode| match mode {
+        ImageAddressMode::ClampToEdge | ImageAddressMode::ClampToBorder => WRAP_CLAMP,
+        ImageAddressMode::Repeat => WRAP_REPEAT,
+        ImageAddressMode::MirrorRepeat => WRAP_MIRROR,
+    };
+    axis(sampler.address_mode_u) | axis(sampler.address_mode_v) << WRAP_BITS
+}
+
+/// Notes the images that arrive, change or go. Before `prepare_assets::<GpuImage>`, which forgets them.
+pub(super) fn collect_images(
+    mut thumbnails: ResMut<Thumbnails>,
+    mut wraps: ResMut<Wraps>,
+    extracted: Res<ExtractedAssets<GpuImage>>,
+) {
+    for id in &extracted.removed {
+        wraps.by_image.remove(id);
+    }
+    for (id, image) in &extracted.extracted {
+        wraps.insert(*id, image);
+    }
     if extracted.added.is_empty() {
         return;
     }
@@ -187,6 +250,7 @@ fn is_readable(image: &GpuImage) -> bool {
 /// Queues the thumbnails whose image is there.
 pub(super) fn update_thumbnails(
     mut thumbnails: ResMut<Thumbnails>,
+    wraps: Res<Wraps>,
     images: Res<RenderAssets<GpuImage>>,
     pipelines: Res<ScenePipelines>,
     cache: Res<PipelineCache>,
@@ -209,13 +273,14 @@ pub(super) fn update_thumbnails(
         };
         let readable = is_readable(image);
         let offset = slot * WORDS;
-        let state = if readable { Thumbnail::At(offset) } else { Thumbnail::None };
+        let at = offset | wraps.get(key.image);
+        let state = if readable { Thumbnail::At(at) } else { Thumbnail::None };
         thumbnails.settled |= entry.state != state;
         entry.state = state;
         if readable {
             let mip_levels = image.texture.mip_level_count();
             let job = ThumbnailJob { offset, cutoff: u32::from(key.cutoff), mip_levels, padding: 0 };
-            thumbnails.queue.push(QueuedThumbnail { key, job });
+            thumbnails.queue.push(QueuedThumbnail { key, at, job });
         }
     }
 }

@@ -11,7 +11,7 @@ use bevy_bounce_examples::scenes::{Builder, Walls};
 use bevy_bounce_tests::eye::Eye;
 use bevy_bounce_tests::stage::{SMALL, Stage, illumination};
 
-use super::{EXPOSURE, FRAMES, SIZE};
+use super::{EXPOSURE, SIZE};
 
 /// A closed room with a ball of metal before the camera, and a floor that may be of metal, too.
 fn polished_room(mut build: Builder) {
@@ -206,7 +206,7 @@ fn reflections_hide_the_sky() {
         if reflections {
             stage.world().entity_mut(eye.camera).insert(ScreenSpaceReflections::default());
         }
-        (0..FRAMES).for_each(|_| stage.frame(std::time::Duration::ZERO));
+        eye.settle(&mut stage);
         let mean = eye.picture(&stage).mean_of(20..44, 13..18)[1];
         eye.close(&mut stage);
         mean
@@ -243,7 +243,7 @@ fn the_sky_is_mirrored_once_beside_reflections() {
             if reflections {
                 stage.world().entity_mut(eye.camera).insert(ScreenSpaceReflections::default());
             }
-            (0..FRAMES).for_each(|_| stage.frame(std::time::Duration::ZERO));
+            eye.settle(&mut stage);
             let mean = eye.picture(&stage).mean_of(28..36, 14..22)[1];
             eye.close(&mut stage);
             mean
