@@ -44,10 +44,8 @@ impl Eye {
         Picture { width: self.size.x as usize, height: self.size.y as usize, pixels }
     }
 
-    /// Throws frames away until all that the camera needs has been compiled. In its first it has no target yet, in its second no
-    /// bounced light.
+    /// Throws frames away until all that the camera needs has been compiled. In its first it has no target yet.
     pub fn settle(&self, stage: &mut Stage) {
-        stage.frame(Duration::ZERO);
         stage.frame(Duration::ZERO);
         stage.settle();
     }

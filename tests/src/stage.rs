@@ -149,14 +149,17 @@ impl Stage {
         capture::read(&self.app, image).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// Throws frames away until one needed nothing new.
+    /// Throws frames away until one needed nothing new. The first does not count: what comes of it in the game's world shows in
+    /// the next.
     pub fn settle(&mut self) {
+        self.frame(Duration::ZERO);
         headless::settle(&mut self.app, 1).unwrap_or_else(|error| panic!("{error}"));
     }
 
-    /// The next frame after all that new settings need has been compiled.
+    /// The next frame after all that new settings need has been compiled: two frames are thrown away.
     pub fn settled_picture(&mut self) -> Picture {
-        self.settle();
+        self.frame(Duration::ZERO);
+        self.frame(Duration::ZERO);
         self.picture()
     }
 }

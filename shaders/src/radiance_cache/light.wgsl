@@ -1,8 +1,8 @@
 // Light that falls on each cell of the grid: of Bevy's lights by a shadow ray to each, of a sixteenth of the sky's directions,
 // and of a sixteenth of the virtual lights, which stand for emissive surfaces and for all further bounces. Rehfeld, Zirr and Dachsbacher 2014, 3.1, "Voxel
 // Illumination"; shadow rays meet the planes of the grid's cells, where the paper's cones meet the opacity of voxels. They go the way light
-// does: a one-sided surface lets pass what comes from behind, as in Bevy's shadow maps. The sky has none, and is hidden by what
-// faces the cell.
+// does: a one-sided surface lets pass what comes from behind, as in Bevy's shadow maps. Of the sky Bevy has no such maps: its rays go from the
+// cell outwards, and what faces the cell hides it.
 //
 // Which sixteenth follows from the voxel's place, such that any 4x4 voxels of a plane have all sixteen: `volume.wgsl` takes
 // their mean.
@@ -73,7 +73,7 @@ fn receiver_in_group(index: u32, place: u32) -> Receiver {
     return Receiver(from_group(group, middle_of(cell, voxel)), normal, voxel, cell_area(cell) > 0.0);
 }
 
-// Whether light from a place reaches a cell. `normal`: that of the surface it comes from, zero where there is none.
+// Whether light from a place, world space, reaches a cell. `normal`: that of the surface it comes from, zero where there is none.
 fn is_lit(receiver: Receiver, source: vec3<f32>, normal: vec3<f32>) -> bool {
     var ray: Ray;
     ray.origin = to_grid(source);
@@ -105,10 +105,11 @@ fn grid_diagonal() -> f32 {
 fn from_rect_light(receiver: Receiver, light: Light) -> vec3<f32> {
     var sum = 0.0;
     for (var part = 0u; part < RECT_PARTS * RECT_PARTS; part++) {
-        let way = rect_part(light, part) - receiver.position;
+        let source = rect_part(light, part);
+        let way = source - receiver.position;
         let form_factor = rect_part_form_factor(light, way, receiver.normal);
         if form_factor > 0.0 {
-            sum += select(0.0, form_factor, is_lit(receiver, receiver.position + way, light.direction));
+            sum += select(0.0, form_factor, is_lit(receiver, source, light.direction));
         }
     }
     let middle = light.position - receiver.position;

@@ -46,8 +46,10 @@ const OWN_RELIEF: f32 = 1.0;
 const MASK_PLACES: f32 = 16.0;
 /// Steps before a ray gives up: longer than any path through the grid, whatever rounding does.
 const MAX_STEPS: u32 = 1024u;
-/// Voxels a step goes beyond the boundary it ends at.
+/// Voxels a step goes beyond the boundary it ends at; and the share of the way so far that it goes at least, for
+/// less is lost where floats are no finer.
 const NUDGE: f32 = 1e-3;
+const LEAST_NUDGE: f32 = 2.5e-7;
 
 const LEAP: f32 = f32(LEAP_BLOCK);
 
@@ -156,10 +158,11 @@ fn walk(ray: Ray, safe: vec3<f32>, inverse: vec3<f32>, level: GridLevel, from_t:
     var t = from_t;
     var step = 0u;
     for (; step < MAX_STEPS && t < end; step++) {
-        let voxel = floor(ray.origin + safe * (t + NUDGE));
+        let nudge = max(NUDGE, LEAST_NUDGE * t);
+        let voxel = floor(ray.origin + safe * (t + nudge));
         if any(voxel < vec3<f32>(0.0)) || any(voxel >= vec3<f32>(level.dims)) {
             // On the boundary, by rounding.
-            t += NUDGE;
+            t += nudge;
             continue;
         }
         let word = voxels[voxel_index(level, vec3<i32>(voxel))];
@@ -170,7 +173,7 @@ fn walk(ray: Ray, safe: vec3<f32>, inverse: vec3<f32>, level: GridLevel, from_t:
         let leap = block + ahead * LEAP + select(-reach, reach, safe > vec3<f32>(0.0));
         let boundary = select(voxel + ahead, leap, distance > 0.0);
         let exits = (boundary - ray.origin) * inverse;
-        let leave = max(min(exits.x, min(exits.y, exits.z)), t + NUDGE);
+        let leave = max(min(exits.x, min(exits.y, exits.z)), t + nudge);
         if voxel_facings(word) != 0u {
             let hit = hit_voxel(ray, word, level.first_cell, voxel, t, leave);
             if hit.found && hit.t < end {

@@ -133,7 +133,12 @@ fn room(mut build: Builder) {
 
 /// The room, from 0 to [`ROOM`], with a camera and a lamp.
 fn stage(kind: Option<Kind>, technique: Technique) -> Stage {
-    let settings = GiSettings { history: 0, probes: 0, ..Quality::Medium.settings() };
+    let medium = GiSettings { history: 0, probes: 0, ..Quality::Medium.settings() };
+    // To light voxels takes seconds on a software adapter.
+    let settings = match technique {
+        Technique::RadianceCache => GiSettings { grid: 48, vpls: 512, ..medium },
+        _ => medium,
+    };
     let mut stage = Stage::new(PIXELS, settings, |app| {
         let lamp = move |world: &mut World| replace_lamp(world, kind);
         app.add_systems(Startup, (room, lamp).chain());
@@ -272,7 +277,7 @@ fn every_lamp_lights_caches() {
 }
 
 #[test]
-#[ignore = "not met: an emissive panel has 1.19 of what bounces in voxels"]
+#[ignore = "not met: cones take a panel askew for larger than it is, by 1.19"]
 fn an_emissive_panel_lights_caches() {
     let mut stage = stage(None, Technique::RadianceCache);
     try_lamp(&mut stage, Kind::Emission, Technique::RadianceCache, 0.15);

@@ -90,6 +90,30 @@ fn rays_go_from_grid_to_grid() {
     assert!(off * 50 <= rays.len(), "{off} of {} rays end a voxel and more off", rays.len());
 }
 
+/// From so far that floats are no finer than a hundredth of a voxel.
+#[test]
+fn rays_from_afar_meet_what_is_there() {
+    const VOXELS: f32 = 100_000.0;
+    let scene = hall();
+    let grid = nested(&scene);
+    let mut random = Random::new(43);
+    let ray = |_| {
+        let place = Vec3::new(0.0, 6.0, 0.0) + random.vector() * Vec3::new(8.0, 5.0, 8.0);
+        let direction = random.direction();
+        (place - direction * VOXELS * grid.voxel_size, direction)
+    };
+    let rays: Vec<(Vec3, Vec3)> = (0..1000).map(ray).collect();
+    let hits = shoot(voxelize(gpu(), &scene, &grid, None), &rays);
+    let meets = |&(origin, direction): &(Vec3, Vec3)| {
+        scene.triangles.iter().any(|triangle| intersect(triangle, origin, direction).is_some())
+    };
+    let there = rays.iter().filter(|ray| meets(ray)).count();
+    let missed = rays.iter().zip(&hits).filter(|(ray, hit)| meets(ray) && **hit < 0.0).count();
+    println!("{missed} missed of {there}");
+    assert!(there > 500, "{there} rays meet the hall");
+    assert!(missed * 50 <= there, "{missed} of {there} rays go through the hall");
+}
+
 #[test]
 fn the_finest_grid_is_as_if_it_were_alone() {
     let scene = hall();

@@ -425,7 +425,7 @@ pub fn shoot(resources: Resources, rays: &[(Vec3, Vec3)]) -> Vec<f32> {
             let hit = trace(ray);
             hits[id.x] = select(-1.0, hit.t * grid.voxel_size, hit.found);
         }";
-    let packed: Vec<f32> = rays.iter().flat_map(|(o, d)| [o.x, o.y, o.z, 1e4, d.x, d.y, d.z, 0.0]).collect();
+    let packed: Vec<f32> = rays.iter().flat_map(|(o, d)| [o.x, o.y, o.z, 1e6, d.x, d.y, d.z, 0.0]).collect();
     let resources = resources.floats("rays", &packed).zeroed("hits", rays.len());
     let kernel = gpu().kernel(&compose_source(SHOOT, "shoot.wgsl", &[]).expect("composes"), "shoot");
     let groups = rays.len().div_ceil(64) as u32;

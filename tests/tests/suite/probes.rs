@@ -69,7 +69,7 @@ fn stage(size: UVec2, settings: GiSettings, forward: bool) -> Stage {
     })
 }
 
-/// It warms up with few lights and no probes, for what is asked for takes seconds a frame on a software adapter.
+/// It warms up with few lights and no probes, for what is asked for takes seconds a frame on a software adapter; no frame has that yet.
 pub fn stage_of(size: UVec2, settings: GiSettings, forward: bool, scene: impl FnOnce(&mut App)) -> Stage {
     let mut run = run(size, Some(illumination(SMALL)));
     run.forward = forward;
@@ -86,7 +86,8 @@ pub fn show(stage: &mut Stage, isolate: GiIsolate) {
 
 fn settled(stage: &mut Stage, settings: GiSettings) -> Picture {
     stage.light_by(illumination(settings));
-    stage.settled_picture()
+    stage.settle();
+    stage.picture()
 }
 
 pub fn minus(a: &Picture, b: &Picture) -> Picture {

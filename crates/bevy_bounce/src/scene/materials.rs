@@ -14,7 +14,7 @@
 //! - Emission is what is seen: Bevy shows it without exposure but for `emissive_exposure_weight`, so that its radiance is
 //!   `emissive * mix(1 / exposure, 1, weight)` cd/m^2, by the exposure of the first camera with global illumination.
 //! - Both sides reflect where `double_sided` is set or nothing is culled; `Face::Front` culled turns the surface round.
-//! - Textures count as thumbnails of 16x16 means; until they are loaded the surface is not there, as in Bevy.
+//! - Textures count as thumbnails of 16x16 means, beyond their edges as their samplers say; until they are loaded the surface is not there, as in Bevy.
 //! - Vertex colours multiply base colour and its alpha, as in Bevy's lighting. Second UV sets are not looked at.
 
 use bevy::asset::UntypedAssetId;

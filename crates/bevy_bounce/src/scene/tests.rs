@@ -295,7 +295,7 @@ fn materials_wait_for_their_textures() {
     assert_eq!((material.albedo, material.emissive), (Vec4::ONE, Vec3::new(3.0, 2.0, 1.0)));
     // Without a sampler of its own a texture goes on with its edge in both directions, as Bevy's do.
     let wrap = WRAP_CLAMP | WRAP_CLAMP << WRAP_BITS;
-    assert_eq!(material.albedo_thumbnail % 256, wrap);
+    assert_eq!(material.albedo_thumbnail % (THUMBNAIL_SIZE * THUMBNAIL_SIZE), wrap);
     let first = (material.albedo_thumbnail - wrap) as usize;
     let words = read::<u32>(&app, &buffers(&app).thumbnails, first + 256);
     let linear = |x: usize| {

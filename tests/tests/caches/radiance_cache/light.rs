@@ -4,8 +4,8 @@ use std::f32::consts::PI;
 
 use bevy::math::{UVec3, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
-    CACHE_COARSE_EDGE, CACHE_EDGE, CACHE_HEIGHT, CACHE_WIDTH, CACHES_A_ROW, CacheCounters, Grid, LIGHT_POINT, Light,
-    LightVolume, RadianceCache, VoxelGroups, Vpl, VplHeader,
+    CACHE_COARSE_EDGE, CACHE_EDGE, CACHE_HEIGHT, CACHE_WIDTH, CACHES_A_ROW, CacheCounters, Grid, LIGHT_DIRECTIONAL,
+    LIGHT_POINT, Light, LightVolume, RadianceCache, VoxelGroups, Vpl, VplHeader,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -211,26 +211,15 @@ fn a_coarser_level_keeps_surfaces_closed() {
     }
 }
 
-/// A floor, half of it in the shadow of a plate, under a point light; a lamp in the corner.
-#[test]
-fn cells_have_the_light_of_lamps_and_their_own() {
-    let mut scene = TestScene::new(Vec3::splat(0.5));
-    scene.soup(&cuboid(Vec3::new(-2.0, -0.1, -2.0), Vec3::new(2.0, 0.0, 2.0)));
-    scene.soup(&cuboid(Vec3::new(0.0, 1.0, -2.0), Vec3::new(2.0, 1.1, 2.0)));
-    let mut lamp = matte(Vec3::ZERO);
-    lamp.emissive = Vec3::new(40.0, 20.0, 10.0);
-    scene.materials.push(lamp);
-    scene.mesh(&cuboid(Vec3::new(-1.9, 0.3, -1.9), Vec3::new(-1.4, 0.8, -1.4)), 1, 0, Default::default());
-    let position = Vec3::new(0.0, 2.0, 0.0);
-    let color = Vec3::new(100.0, 50.0, 25.0);
-    scene.lights.push(Light { position, kind: LIGHT_POINT, color, cumulative_power: 1.0, ..Default::default() });
+/// The scene's first level of the light volume by lights and emission; its grid, and the texture of what faces up and down.
+fn lit(scene: &TestScene) -> (Grid, Vec<Vec4>, [u32; 3]) {
     let grid = scene.grid(0.2);
     let cells = grid.cell_capacity as usize;
     let dims = grid.dims.map(|voxels| voxels.next_multiple_of(2));
     let volume =
         LightVolume { dims, gap: 2, last_level: 1, first_group_cell: grid.cell_capacity, ..Default::default() };
     let size = [2 * dims.x + 2, dims.y, dims.z];
-    let mut resources = voxelize(gpu(), &scene, &grid, None)
+    let mut resources = voxelize(gpu(), scene, &grid, None)
         .uniform("volume", &volume)
         .zeroed("places", cells)
         .zeroed("unit", 4)
@@ -248,10 +237,57 @@ fn cells_have_the_light_of_lamps_and_their_own() {
     let voxels = grid.dims.element_product().div_ceil(64);
     run_over_triangles(gpu(), &["ACCUMULATE", "EMISSION"], &resources, 1);
     run(gpu(), "radiance_cache/places.wgsl", "list_places", &resources, [voxels, 1, 1]);
-    let resources = resources.floats("unit", &[0.5]);
+    let resources = resources.floats("unit", &[UNIT]);
     run(gpu(), "radiance_cache/light.wgsl", "light_cells", &resources, [(cells as u32).div_ceil(64), 1, 1]);
     run(gpu(), "radiance_cache/volume.wgsl", "fill", &resources, dims.map(|d| d.div_ceil(4)).to_array());
-    let up = texels(&resources, "level_y");
+    (grid, texels(&resources, "level_y"), size)
+}
+
+/// Radiance that counts as 1, cd/m^2.
+const UNIT: f32 = 0.5;
+
+/// A floor, and a lamp that shines over its corner.
+fn floor_and_lamp() -> TestScene {
+    let mut scene = TestScene::new(Vec3::splat(0.5));
+    scene.soup(&cuboid(Vec3::new(-2.0, -0.1, -2.0), Vec3::new(2.0, 0.0, 2.0)));
+    let mut lamp = matte(Vec3::ZERO);
+    lamp.emissive = Vec3::new(40.0, 20.0, 10.0);
+    scene.materials.push(lamp);
+    scene.mesh(&cuboid(Vec3::new(-1.9, 0.3, -1.9), Vec3::new(-1.4, 0.8, -1.4)), 1, 0, Default::default());
+    scene
+}
+
+/// A sun through a one-sided panel: its back lets light pass, its front does not.
+#[test]
+fn cells_have_the_light_of_a_sun_through_backs() {
+    let corners =
+        [Vec3::new(0.0, 1.0, -2.0), Vec3::new(0.0, 1.0, 2.0), Vec3::new(2.0, 1.0, 2.0), Vec3::new(2.0, 1.0, -2.0)];
+    let [a, b, c, d] = corners;
+    for (name, panel, passes) in [("front", [[a, b, c], [a, c, d]], false), ("back", [[a, c, b], [a, d, c]], true)] {
+        let mut scene = floor_and_lamp();
+        scene.soup(&panel);
+        let (kind, direction, color) = (LIGHT_DIRECTIONAL, Vec3::NEG_Y, Vec3::splat(100.0));
+        scene.lights.push(Light { kind, direction, color, cumulative_power: 1.0, ..Default::default() });
+        let (grid, up, size) = lit(&scene);
+        for (x, z) in (-4..9).flat_map(|x| (-9..10).map(move |z| (x as f32 * 0.2 + 0.07, z as f32 * 0.2 + 0.07))) {
+            let voxel = ((Vec3::new(x, 0.0, z) - grid.origin) / grid.voxel_size).floor().as_uvec3();
+            let found = up[((voxel.z * size[1] + voxel.y) * size[0] + voxel.x) as usize].x;
+            let is_lit = passes || x < 0.0;
+            let expected = if is_lit { 0.5 * 100.0 / PI / UNIT } else { 0.0 };
+            assert!((found - expected).abs() <= 0.01 * expected, "{name} at {x} {z}: {found}, expected {expected}");
+        }
+    }
+}
+
+/// A floor, half of it in the shadow of a plate, under a point light; a lamp in the corner.
+#[test]
+fn cells_have_the_light_of_lamps_and_their_own() {
+    let mut scene = floor_and_lamp();
+    scene.soup(&cuboid(Vec3::new(0.0, 1.0, -2.0), Vec3::new(2.0, 1.1, 2.0)));
+    let position = Vec3::new(0.0, 2.0, 0.0);
+    let color = Vec3::new(100.0, 50.0, 25.0);
+    scene.lights.push(Light { position, kind: LIGHT_POINT, color, cumulative_power: 1.0, ..Default::default() });
+    let (grid, up, size) = lit(&scene);
     let at = |p: Vec3| {
         let voxel = ((p - grid.origin) / grid.voxel_size).floor().as_uvec3();
         (up[((voxel.z * size[1] + voxel.y) * size[0] + voxel.x) as usize], voxel)
@@ -261,7 +297,7 @@ fn cells_have_the_light_of_lamps_and_their_own() {
         let (texel, voxel) = at(Vec3::new(x, 0.0, z));
         let center = grid.origin + (voxel.as_vec3() + 0.5) * grid.voxel_size;
         let way = position - center.with_y(0.0);
-        let expected = color * (0.5 / PI / 0.5 * way.y / way.length().powi(3));
+        let expected = color * (0.5 / PI / UNIT * way.y / way.length().powi(3));
         assert!(texel.w > 0.99, "the floor is closed at {x} {z}: {texel}");
         // The lamp throws a shadow, too.
         let behind_lamp = x < -0.8 && z < -0.8;
@@ -275,5 +311,5 @@ fn cells_have_the_light_of_lamps_and_their_own() {
     }
     assert!(lit > 100 && dark > 100);
     let (texel, _) = at(Vec3::new(-1.65, 0.8, -1.65));
-    assert!((texel.truncate() / (scene.materials[1].emissive / 0.5) - 1.0).abs().max_element() < 0.02, "{texel}");
+    assert!((texel.truncate() / (scene.materials[1].emissive / UNIT) - 1.0).abs().max_element() < 0.02, "{texel}");
 }

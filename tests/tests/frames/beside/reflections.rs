@@ -112,6 +112,7 @@ fn reflections_and_caches_share_the_light() {
 
 /// Where Bevy's reflections do meet something, on a floor of metal, caches leave them its light, and it is about what caches show there.
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn what_reflections_meet_is_theirs() {
     let mut stage = polished_stage();
     let floor = stage.world().resource::<Polished>().0.clone();
