@@ -45,7 +45,7 @@ fn a_reset_is_a_fresh_start() {
         let mut stage = stage(&light, from);
         let camera = stage.only::<Camera3d>();
         let mut cut = |reset: bool| {
-            for step in 0..6 {
+            for step in 0..4 {
                 let creeping = from.translation + Vec3::X * (0.01 * step as f32);
                 stage.world().entity_mut(camera).insert(from.with_translation(creeping));
                 stage.frame(Duration::ZERO);

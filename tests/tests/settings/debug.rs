@@ -204,14 +204,15 @@ fn gizmos_come_and_go() {
 #[test]
 fn every_picture_is_another() {
     use GiIsolate::*;
-    let (size, folder) = (UVec2::new(320, 180), std::env::var_os("BOUNCE_PICTURES"));
+    let (size, folder) = (UVec2::new(160, 90), std::env::var_os("BOUNCE_PICTURES"));
     let mut stage = Stage::new(size, SETTINGS, |app| {
         app.add_plugins(CornellPlugin);
     });
     let camera = stage.only::<Camera3d>();
     let mut seen = Vec::new();
     let mut look = |stage: &mut Stage, name: String| {
-        (0..4).for_each(|_| stage.frame(Duration::ZERO));
+        stage.settle();
+        stage.frame(Duration::ZERO);
         let shown = stage.display();
         if let Some(folder) = &folder {
             let picture = image::RgbaImage::from_vec(size.x, size.y, shown.clone()).expect("four bytes a pixel");
