@@ -16,7 +16,7 @@ const DEVICE_TESTS: [&str; 5] = ["suite", "baked", "caches", "frames", "settings
 
 /// Tests that run once, by parts of their names: those that no device takes part in, and those of pictures that take long and have others
 /// beside them in which the same passes run with both limits. That both light a scene alike is a test by itself.
-const ONCE: [&str; 70] = [
+const ONCE: [&str; 81] = [
     "agreement::",
     "air::",
     "ambient::it_is",
@@ -42,6 +42,11 @@ const ONCE: [&str; 70] = [
     "cssm::views::what",
     "cuts::",
     "debug::every_picture",
+    "debug::gizmos",
+    "debug::terms",
+    "debug::the_halves",
+    "debug::tiles",
+    "debug::voxels_look",
     "every_setting",
     "fog::a_split",
     "fog::ambient",
@@ -64,16 +69,22 @@ const ONCE: [&str; 70] = [
     "particles::",
     "pictures::a_sealed",
     "pictures::a_skinned",
+    "pipelines::every_fragment",
     "probes::a_forward",
     "probes::points",
     "probes::the_",
     "probes::what",
+    "radiance_cache::stage::a_sealed",
+    "radiance_cache::stage::clearcoats",
+    "radiance_cache::stage::frames_are",
+    "radiance_cache::stage::what_is",
     "recovery::",
     "references::",
     "sky::no_sky",
     "sky::what",
     "soak::",
     "ssbc::frames::corners",
+    "ssbc::frames::the_parts",
     "views::a_part",
     "views::a_screen",
     "views::a_smaller",
