@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use bevy::light::{DirectionalLightShadowMap, PointLightShadowMap};
 use bevy::prelude::*;
 use bevy::render::RenderApp;
 use bevy_bounce::{
@@ -37,6 +38,10 @@ pub const SMALL: GiSettings = GiSettings {
     history: 0,
 };
 
+/// Edge of the shadow maps of spot and directional lights, in texels, twice that of point lights' faces. At Bevy's defaults a software adapter
+/// draws shadow maps for most of a small frame.
+const SHADOW_MAP: usize = 512;
+
 /// Global illumination with those settings.
 pub fn illumination(settings: GiSettings) -> GlobalIllumination {
     GlobalIllumination { technique: Technique::InstantRadiosity, quality: Quality::Custom(settings), ..default() }
@@ -65,6 +70,8 @@ impl Stage {
         let size = run.size;
         let mut app = app::build(&run, assets);
         scene(&mut app);
+        app.insert_resource(DirectionalLightShadowMap { size: SHADOW_MAP });
+        app.insert_resource(PointLightShadowMap { size: SHADOW_MAP / 2 });
         headless::warm_up(&mut app).unwrap_or_else(|error| panic!("{error}"));
         let mut stage = Self { app, size };
         let target = stage.app.world().resource::<Targets>().scene.clone();

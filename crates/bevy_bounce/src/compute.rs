@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::num::NonZero;
+use std::sync::OnceLock;
 
 use bevy::platform::collections::HashMap;
 use bevy::prelude::*;
@@ -62,18 +63,19 @@ pub(crate) struct KernelDescriptor<'a> {
     pub defs: Vec<ShaderDefVal>,
 }
 
-/// A compute pipeline and the layout of its group 0.
+/// A compute pipeline and the layout of its group 0. The pipeline is queued when the kernel is first asked for: a game compiles what it uses.
 pub(crate) struct Kernel {
     name: &'static str,
-    pipeline: CachedComputePipelineId,
+    descriptor: ComputePipelineDescriptor,
+    pipeline: OnceLock<CachedComputePipelineId>,
     layout: BindGroupLayoutDescriptor,
 }
 
 impl Kernel {
-    /// Queues the pipeline.
-    pub fn new(cache: &PipelineCache, shaders: &GiShaders, kernel: KernelDescriptor) -> Self {
+    /// Describes the pipeline.
+    pub fn new(shaders: &GiShaders, kernel: KernelDescriptor) -> Self {
         let layout = group_layout(kernel.entry, kernel.bindings);
-        let pipeline = cache.queue_compute_pipeline(ComputePipelineDescriptor {
+        let descriptor = ComputePipelineDescriptor {
             label: Some(Cow::from(format!("bounce/{}:{}", kernel.path, kernel.entry))),
             layout: std::iter::once(layout.clone()).chain(kernel.groups.iter().cloned()).collect(),
             shader: shaders.get(kernel.path),
@@ -81,18 +83,22 @@ impl Kernel {
             entry_point: Some(Cow::from(kernel.entry)),
             zero_initialize_workgroup_memory: true,
             ..default()
-        });
-        Self { name: kernel.entry, pipeline, layout }
+        };
+        Self { name: kernel.entry, descriptor, pipeline: OnceLock::new(), layout }
+    }
+
+    fn pipeline(&self, cache: &PipelineCache) -> CachedComputePipelineId {
+        *self.pipeline.get_or_init(|| cache.queue_compute_pipeline(self.descriptor.clone()))
     }
 
     /// Whether the pipeline is compiled.
     pub fn is_ready(&self, cache: &PipelineCache) -> bool {
-        cache.get_compute_pipeline(self.pipeline).is_some()
+        cache.get_compute_pipeline(self.pipeline(cache)).is_some()
     }
 
     /// Whether the pipeline cannot be compiled.
     pub fn has_failed(&self, cache: &PipelineCache) -> bool {
-        has_failed(cache.get_compute_pipeline_state(self.pipeline))
+        has_failed(cache.get_compute_pipeline_state(self.pipeline(cache)))
     }
 
     /// Group 0, bindings in order.
@@ -101,9 +107,9 @@ impl Kernel {
     }
 
     /// Records one dispatch in a pass of its own, so that it sees what the one before wrote. Nothing happens while the
-    /// pipeline is being compiled.
+    /// pipeline is being compiled. One of no workgroups has it compiled, for when there are some.
     pub fn dispatch(&self, encoder: &mut CommandEncoder, cache: &PipelineCache, groups: &[&BindGroup], size: UVec3) {
-        if size.min_element() > 0 {
+        if self.is_ready(cache) && size.min_element() > 0 {
             self.pass(encoder, cache, groups, |pass| pass.dispatch_workgroups(size.x, size.y, size.z));
         }
     }
@@ -126,7 +132,7 @@ impl Kernel {
         groups: &[&BindGroup],
         dispatch: impl FnOnce(&mut ComputePass),
     ) {
-        let Some(pipeline) = cache.get_compute_pipeline(self.pipeline) else { return };
+        let Some(pipeline) = cache.get_compute_pipeline(self.pipeline(cache)) else { return };
         let mut pass =
             encoder.begin_compute_pass(&ComputePassDescriptor { label: Some(self.name), timestamp_writes: None });
         pass.set_pipeline(pipeline);
@@ -135,6 +141,11 @@ impl Kernel {
         }
         dispatch(&mut pass);
     }
+}
+
+/// Whether all are compiled; has those compiled that are not, all at once.
+pub(crate) fn are_ready<'a>(kernels: impl IntoIterator<Item = &'a Kernel>, cache: &PipelineCache) -> bool {
+    kernels.into_iter().fold(true, |others, kernel| kernel.is_ready(cache) && others)
 }
 
 /// Whether a pipeline cannot be compiled; one that waits for its shader to be loaded still may.

@@ -28,12 +28,7 @@ pub(crate) struct SortPipelines {
     digits: [Buffer; 4],
 }
 
-pub(crate) fn init_sort_pipelines(
-    mut commands: Commands,
-    device: Res<RenderDevice>,
-    cache: Res<PipelineCache>,
-    shaders: Res<GiShaders>,
-) {
+pub(crate) fn init_sort_pipelines(mut commands: Commands, device: Res<RenderDevice>, shaders: Res<GiShaders>) {
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
     // Digit; pair count, unsorted; sorted, counts.
@@ -41,7 +36,7 @@ pub(crate) fn init_sort_pipelines(
     let kernel = |entry| {
         let path = "sort/radix.wgsl";
         let descriptor = KernelDescriptor { path, entry, bindings: &bindings, groups: &[], defs: vec![] };
-        Kernel::new(&cache, &shaders, descriptor)
+        Kernel::new(&shaders, descriptor)
     };
     let digit = |pass: usize| {
         device.create_buffer_with_data(&BufferInitDescriptor {

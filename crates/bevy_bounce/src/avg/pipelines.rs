@@ -11,7 +11,7 @@ use bevy::render::renderer::RenderDevice;
 
 use super::grid::VoxelGrid;
 use super::triangles::TriangleRun;
-use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout, whole};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, are_ready, bind_group, group_layout, whole};
 use crate::scene::SceneBuffers;
 
 /// Kernels in the order they run.
@@ -42,7 +42,7 @@ pub(crate) fn grid_layout() -> BindGroupLayoutDescriptor {
     )
 }
 
-pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
+pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let uniform = uniform_buffer_sized(false, None);
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
@@ -50,15 +50,15 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let mark = [read, read, read, read, uniform, uniform, read, write, write];
     let add = [read, read, read, read, uniform, uniform, read, write, read, write];
     // Grid; voxels, blocks, counters, sums, cells.
-    let cells = |entry| kernel(&cache, &shaders, "avg/cells.wgsl", entry, &[uniform, write, write, write, read, write]);
+    let cells = |entry| kernel(&shaders, "avg/cells.wgsl", entry, &[uniform, write, write, write, read, write]);
     // Grid; voxels, occupied blocks, distances along x and along x and y.
-    let distance = |entry| kernel(&cache, &shaders, "avg/distance.wgsl", entry, &[uniform, write, write, write, write]);
+    let distance = |entry| kernel(&shaders, "avg/distance.wgsl", entry, &[uniform, write, write, write, write]);
     commands.insert_resource(AvgPipelines {
-        mark: TriangleRun::new(&cache, &shaders, &mark, &[]),
+        mark: TriangleRun::new(&shaders, &mark, &[]),
         count_blocks: cells("count_blocks"),
         scan_blocks: cells("scan_blocks"),
         assign_cells: cells("assign_cells"),
-        add: TriangleRun::new(&cache, &shaders, &add, &["ACCUMULATE".into()]),
+        add: TriangleRun::new(&shaders, &add, &["ACCUMULATE".into()]),
         resolve: cells("resolve"),
         find_occupied: distance("find_occupied"),
         distance_x: distance("pass_x"),
@@ -72,20 +72,17 @@ impl AvgPipelines {
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
         let kernels = [&self.count_blocks, &self.scan_blocks, &self.assign_cells, &self.resolve];
         let distances = [&self.find_occupied, &self.distance_x, &self.distance_y, &self.distance_z];
-        kernels.into_iter().chain(distances).all(|kernel| kernel.is_ready(cache))
-            && self.mark.is_ready(cache)
-            && self.add.is_ready(cache)
+        are_ready(kernels.into_iter().chain(distances).chain(self.mark.kernels()).chain(self.add.kernels()), cache)
     }
 }
 
 fn kernel(
-    cache: &PipelineCache,
     shaders: &GiShaders,
     path: &'static str,
     entry: &'static str,
     bindings: &[BindGroupLayoutEntryBuilder],
 ) -> Kernel {
-    Kernel::new(cache, shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
+    Kernel::new(shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
 }
 
 /// The same with the scene and its lights, of kernels that look at the sky. See `interleaved/sky.wgsl`.

@@ -26,19 +26,10 @@ pub(crate) struct TriangleGroups {
 
 impl TriangleRun {
     /// Queues the pipelines; what the run does follows from the definitions. See `avg/voxelize.wgsl`.
-    pub fn new(
-        cache: &PipelineCache,
-        shaders: &GiShaders,
-        bindings: &[BindGroupLayoutEntryBuilder],
-        defs: &[ShaderDefVal],
-    ) -> Self {
+    pub fn new(shaders: &GiShaders, bindings: &[BindGroupLayoutEntryBuilder], defs: &[ShaderDefVal]) -> Self {
         let voxelize = |entry| {
             let defs = defs.to_vec();
-            Kernel::new(
-                cache,
-                shaders,
-                KernelDescriptor { path: "avg/voxelize.wgsl", entry, bindings, groups: &[], defs },
-            )
+            Kernel::new(shaders, KernelDescriptor { path: "avg/voxelize.wgsl", entry, bindings, groups: &[], defs })
         };
         let queue = [storage_buffer_read_only_sized(false, None), storage_buffer_sized(false, None)];
         let size_bricks = KernelDescriptor {
@@ -50,14 +41,14 @@ impl TriangleRun {
         };
         Self {
             triangles: voxelize("triangles"),
-            size_bricks: Kernel::new(cache, shaders, size_bricks),
+            size_bricks: Kernel::new(shaders, size_bricks),
             bricks: voxelize("bricks"),
         }
     }
 
-    /// Whether all are compiled.
-    pub fn is_ready(&self, cache: &PipelineCache) -> bool {
-        [&self.triangles, &self.size_bricks, &self.bricks].into_iter().all(|kernel| kernel.is_ready(cache))
+    /// In the order they run.
+    pub fn kernels(&self) -> [&Kernel; 3] {
+        [&self.triangles, &self.size_bricks, &self.bricks]
     }
 
     /// Binds what the voxeliser is given, and the queue.

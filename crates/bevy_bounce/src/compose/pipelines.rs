@@ -159,14 +159,12 @@ impl ViewPipelines {
 
 pub(super) fn init_compose_pipelines(
     mut commands: Commands,
-    cache: Res<PipelineCache>,
     shaders: Res<GiShaders>,
     mesh_pipeline: Res<MeshPipeline>,
     fullscreen: Res<FullscreenShader>,
     device: Res<RenderDevice>,
 ) {
     let surface = Kernel::new(
-        &cache,
         &shaders,
         KernelDescriptor {
             path: "compose/surface.wgsl",

@@ -12,7 +12,7 @@ use bevy::render::renderer::RenderDevice;
 use bevy::shader::ShaderDefVal;
 
 use super::prepare::Baked;
-use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout, whole};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, are_ready, bind_group, group_layout, whole};
 
 /// Kernels in the order they run.
 #[derive(Resource)]
@@ -45,9 +45,7 @@ impl CssmPipelines {
     /// Whether all that light the texels of that many objects are compiled.
     pub fn are_ready(&self, objects: u32, cache: &PipelineCache) -> bool {
         let bounce = &self.gather(objects).bounce;
-        [&self.emit, &self.direct, &self.leaves, &self.pull, &self.pull_top, bounce]
-            .iter()
-            .all(|kernel| kernel.is_ready(cache))
+        are_ready([&self.emit, &self.direct, &self.leaves, &self.pull, &self.pull_top, bounce], cache)
     }
 }
 
@@ -75,12 +73,11 @@ pub(crate) fn pixel_kernel(
     entry: &'static str,
     defs: &[&str],
     glossy: bool,
-    cache: &PipelineCache,
     shaders: &GiShaders,
 ) -> Kernel {
     let defs = defs.iter().copied().chain(glossy.then_some("GLOSSY")).map(ShaderDefVal::from).collect();
     let (bindings, groups) = (&pixel_bindings(glossy), &[maps_layout()]);
-    Kernel::new(cache, shaders, KernelDescriptor { path, entry, bindings, groups, defs })
+    Kernel::new(shaders, KernelDescriptor { path, entry, bindings, groups, defs })
 }
 
 /// The bakes' maps as group 1.
@@ -89,12 +86,12 @@ pub(crate) fn bind_maps(baked: &Baked, device: &RenderDevice, cache: &PipelineCa
     bind_group(device, cache, &maps_layout(), &[whole(&baked.directory), whole(a), whole(b), whole(c)])
 }
 
-pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
+pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let uniform = uniform_buffer_sized(false, None);
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
     let kernel_with = |path, entry, bindings: &[_], groups: &[_], defs| {
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
+        Kernel::new(&shaders, KernelDescriptor { path, entry, bindings, groups, defs })
     };
     let kernel = |path, entry, bindings: &[_], groups: &[_]| kernel_with(path, entry, bindings, groups, vec![]);
     let maps = [maps_layout()];
@@ -111,7 +108,7 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let surface = texture_2d(TextureSampleType::Uint);
     let smooth = [read, uniform, read, read, uniform, uniform, surface, output, read];
     let gather = |defs: &[&str]| {
-        let pixels = |glossy| pixel_kernel("cssm/pixels.wgsl", "pixels", defs, glossy, &cache, &shaders);
+        let pixels = |glossy| pixel_kernel("cssm/pixels.wgsl", "pixels", defs, glossy, &shaders);
         let defs = || defs.iter().map(|def| ShaderDefVal::from(*def)).collect();
         GatherKernels {
             bounce: kernel_with("cssm/bounce.wgsl", "bounce", &bounce, &maps, defs()),

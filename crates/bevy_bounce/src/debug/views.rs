@@ -40,12 +40,12 @@ pub(super) fn forget_kernels(mut commands: Commands) {
 }
 
 impl PictureKernels {
-    fn get(&mut self, isolate: GiIsolate, glossy: bool, cache: &PipelineCache, shaders: &GiShaders) -> &Kernel {
-        self.0.entry((isolate, glossy)).or_insert_with(|| kernel(isolate, glossy, cache, shaders))
+    fn get(&mut self, isolate: GiIsolate, glossy: bool, shaders: &GiShaders) -> &Kernel {
+        self.0.entry((isolate, glossy)).or_insert_with(|| kernel(isolate, glossy, shaders))
     }
 }
 
-fn kernel(isolate: GiIsolate, glossy: bool, cache: &PipelineCache, shaders: &GiShaders) -> Kernel {
+fn kernel(isolate: GiIsolate, glossy: bool, shaders: &GiShaders) -> Kernel {
     let (uniform, read) = (uniform_buffer_sized(false, None), storage_buffer_read_only_sized(false, None));
     let picture = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
     let light = texture_3d(TextureSampleType::Float { filterable: false });
@@ -53,12 +53,12 @@ fn kernel(isolate: GiIsolate, glossy: bool, cache: &PipelineCache, shaders: &GiS
         let defs = defs.iter().map(|def| (*def).into()).collect();
         let groups = &[grid_layout()];
         let (path, entry) = ("debug/voxels.wgsl", "show_voxels");
-        Kernel::new(cache, shaders, KernelDescriptor { path, entry, bindings, groups, defs })
+        Kernel::new(shaders, KernelDescriptor { path, entry, bindings, groups, defs })
     };
     let alone = |path, entry, bindings: &[BindGroupLayoutEntryBuilder]| {
-        Kernel::new(cache, shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
+        Kernel::new(shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
     };
-    let baked = |path, entry, defs| pixel_kernel(path, entry, defs, glossy, cache, shaders);
+    let baked = |path, entry, defs| pixel_kernel(path, entry, defs, glossy, shaders);
     match isolate {
         GiIsolate::CutSize => baked("cssm/pixels.wgsl", "pixels", &["SEVERAL", "CUT"]),
         GiIsolate::TreeLevels => baked("debug/tree.wgsl", "show_tree", &[]),
@@ -220,7 +220,7 @@ pub(super) fn draw_picture(
         caches,
         baked: pixels,
     };
-    let kernel = kernels.get(gi.isolate, shown.is_glossy(gi.isolate), &cache, &shaders);
+    let kernel = kernels.get(gi.isolate, shown.is_glossy(gi.isolate), &shaders);
     let Some((groups, size)) = shown.groups(gi.isolate, kernel, ctx.render_device(), &cache) else { return };
     kernel.dispatch(ctx.command_encoder(), &cache, &groups.iter().collect::<Vec<_>>(), size);
 }

@@ -153,7 +153,7 @@ impl FroxelKey {
         Self { visibility, ..self }
     }
 
-    fn kernel(self, cache: &PipelineCache, shaders: &GiShaders) -> Kernel {
+    fn kernel(self, shaders: &GiShaders) -> Kernel {
         let uniform = uniform_buffer_sized(false, None);
         let read = storage_buffer_read_only_sized(false, None);
         let output = texture_storage_3d(LIGHT_FORMAT, StorageTextureAccess::WriteOnly);
@@ -170,7 +170,7 @@ impl FroxelKey {
             groups: &visibility_layouts(self.visibility, self.sky),
             defs: defs.into_iter().flatten().collect(),
         };
-        Kernel::new(cache, shaders, kernel)
+        Kernel::new(shaders, kernel)
     }
 }
 
@@ -181,7 +181,7 @@ pub(super) struct FroxelKernels(HashMap<FroxelKey, Kernel>);
 impl FroxelKernels {
     /// Whether that of a key is compiled; makes it where there is none.
     pub fn is_ready(&mut self, key: FroxelKey, cache: &PipelineCache, shaders: &GiShaders) -> bool {
-        self.0.entry(key).or_insert_with(|| key.kernel(cache, shaders)).is_ready(cache)
+        self.0.entry(key).or_insert_with(|| key.kernel(shaders)).is_ready(cache)
     }
 
     /// That of a key.

@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{texture_2d, texture_storage_2d, uniform_buffer_sized};
 use bevy::render::render_resource::{PipelineCache, StorageTextureAccess, TextureFormat, TextureSampleType};
 
-use crate::compute::{GiShaders, Kernel, KernelDescriptor};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, are_ready};
 
 /// Kernels in the order they run.
 #[derive(Resource)]
@@ -18,11 +18,11 @@ pub(super) struct HistoryPipelines {
 impl HistoryPipelines {
     /// Whether all are compiled.
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
-        [&self.average, &self.keep, &self.keep_last].into_iter().all(|kernel| kernel.is_ready(cache))
+        are_ready([&self.average, &self.keep, &self.keep_last], cache)
     }
 }
 
-pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
+pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let uniform = uniform_buffer_sized(false, None);
     let words = texture_2d(TextureSampleType::Uint);
     let floats = texture_2d(TextureSampleType::Float { filterable: false });
@@ -30,7 +30,7 @@ pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, 
     let (light, seen) = (write(TextureFormat::Rgba16Float), write(TextureFormat::R32Uint));
     let kernel = |path, entry, bindings: &[_], defs: &[&str]| {
         let defs = defs.iter().map(|def| (*def).into()).collect();
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs })
+        Kernel::new(&shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs })
     };
     // View, parameters, surface, motion; light and surfaces of the last frame; light, average.
     let average = [uniform, uniform, words, floats, floats, words, floats, light];

@@ -52,12 +52,12 @@ pub(super) fn shade(
     let sky_seen = textures.sky_seen.as_ref().filter(|_| sky.is_some());
     let key =
         PassesKey { visibility, resolution: gi.settings.resolution, sky: sky.is_some(), sky_seen: sky_seen.is_some() };
-    p.passes(key, &cache, &shaders);
+    p.passes(key, &shaders);
     let key = p.compiled(key, &cache);
     let sky_seen = sky_seen.filter(|_| key.sky_seen);
     let see_groups =
         if key.sky == sky.is_some() { see_groups } else { bind_sight(None).map_or(see_groups, |bound| bound.1) };
-    let passes = p.passes(key, &cache, &shaders);
+    let passes = p.passes(key, &shaders);
     let device = ctx.render_device().clone();
     let bindings = |output| {
         [

@@ -8,7 +8,7 @@ use bevy::render::render_resource::binding_types::{
 use bevy::render::render_resource::{PipelineCache, StorageTextureAccess, TextureFormat, TextureSampleType};
 use bevy::shader::ShaderDefVal;
 
-use crate::compute::{GiShaders, Kernel, KernelDescriptor};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, are_ready};
 use crate::shadow_atlas::{visibility_def, visibility_layouts};
 use crate::{Resolution, VplVisibility};
 
@@ -46,8 +46,8 @@ pub(super) struct Passes {
 
 impl InterleavedPipelines {
     /// The kernels of that key.
-    pub fn passes(&mut self, key: PassesKey, cache: &PipelineCache, shaders: &GiShaders) -> &Passes {
-        self.0.entry(key).or_insert_with(|| Passes::new(key, cache, shaders))
+    pub fn passes(&mut self, key: PassesKey, shaders: &GiShaders) -> &Passes {
+        self.0.entry(key).or_insert_with(|| Passes::new(key, shaders))
     }
 
     /// The key itself, once its kernels are compiled; until then, of those whose are, the one that leaves out the least of the sky.
@@ -60,13 +60,10 @@ impl InterleavedPipelines {
 
 impl Passes {
     fn are_ready(&self, cache: &PipelineCache) -> bool {
-        [&self.shade, &self.rows, &self.columns]
-            .into_iter()
-            .chain(&self.sky_columns)
-            .all(|kernel| kernel.is_ready(cache))
+        are_ready([&self.shade, &self.rows, &self.columns].into_iter().chain(&self.sky_columns), cache)
     }
 
-    fn new(key: PassesKey, cache: &PipelineCache, shaders: &GiShaders) -> Self {
+    fn new(key: PassesKey, shaders: &GiShaders) -> Self {
         let uniform = uniform_buffer_sized(false, None);
         let read = storage_buffer_read_only_sized(false, None);
         let surface = texture_2d(TextureSampleType::Uint);
@@ -79,7 +76,7 @@ impl Passes {
         let groups = visibility_layouts(key.visibility, key.sky);
         let kernel = |path, entry, bindings: &[_], sky_seen: bool| {
             let defs = key.defs().into_iter().chain(sky_seen.then(|| "SKY_SEEN".into())).collect();
-            Kernel::new(cache, shaders, KernelDescriptor { path, entry, bindings, groups: &groups, defs })
+            Kernel::new(shaders, KernelDescriptor { path, entry, bindings, groups: &groups, defs })
         };
         let columns = |sky_seen| kernel("interleaved/filter.wgsl", "filter_columns", filter, sky_seen);
         Self {

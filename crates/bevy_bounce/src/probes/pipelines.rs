@@ -4,7 +4,7 @@ use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, texture_storage_3d, uniform_buffer_sized,
 };
-use bevy::render::render_resource::{PipelineCache, StorageTextureAccess, TextureFormat};
+use bevy::render::render_resource::{StorageTextureAccess, TextureFormat};
 use bevy::shader::ShaderDefVal;
 
 use crate::VplVisibility;
@@ -33,13 +33,13 @@ impl ProbePipelines {
     }
 }
 
-pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
+pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let uniform = uniform_buffer_sized(false, None);
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
     let output = texture_storage_3d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
     let kernel = |path, entry, bindings: &[_], groups: &[_], defs: &[ShaderDefVal]| {
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs: defs.to_vec() })
+        Kernel::new(&shaders, KernelDescriptor { path, entry, bindings, groups, defs: defs.to_vec() })
     };
     // Parameters, places; header, list; light; grid, densities.
     let bindings = [uniform, read, read, read, write, uniform, read];

@@ -93,14 +93,14 @@ pub(super) fn bind_volume(
     Some(bind_group(device, cache, &volume_layout(), &resources))
 }
 
-pub(super) fn init_light_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
+pub(super) fn init_light_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let uniform = uniform_buffer_sized(false, None);
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
     let finer = texture_3d(TextureSampleType::Float { filterable: false });
     let level = texture_storage_3d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
     let kernel = |path, entry, bindings: &[_], groups: &[_], defs| {
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
+        Kernel::new(&shaders, KernelDescriptor { path, entry, bindings, groups, defs })
     };
     // Geometry, instances, materials, thumbnails; grid, scene; chunks, queue; voxels, sums.
     let emission = [read, read, read, read, uniform, uniform, read, write, read, write];
@@ -113,7 +113,7 @@ pub(super) fn init_light_pipelines(mut commands: Commands, cache: Res<PipelineCa
     // Volume; finer levels; levels.
     let reduce = [uniform, finer, finer, finer, level, level, level];
     commands.insert_resource(LightPipelines {
-        emit: TriangleRun::new(&cache, &shaders, &emission, &["ACCUMULATE".into(), "EMISSION".into()]),
+        emit: TriangleRun::new(&shaders, &emission, &["ACCUMULATE".into(), "EMISSION".into()]),
         list_places: kernel("radiance_cache/places.wgsl", "list_places", &places, &[], vec![]),
         list_group_places: kernel("radiance_cache/places.wgsl", "list_group_places", &places, &[], vec![]),
         measure_unit: kernel("radiance_cache/places.wgsl", "measure_unit", &places, &[], vec![]),
@@ -124,12 +124,7 @@ pub(super) fn init_light_pipelines(mut commands: Commands, cache: Res<PipelineCa
     });
 }
 
-pub(super) fn init_cache_pipelines(
-    mut commands: Commands,
-    device: Res<RenderDevice>,
-    cache: Res<PipelineCache>,
-    shaders: Res<GiShaders>,
-) {
+pub(super) fn init_cache_pipelines(mut commands: Commands, device: Res<RenderDevice>, shaders: Res<GiShaders>) {
     let uniform = uniform_buffer_sized(false, None);
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
@@ -138,7 +133,7 @@ pub(super) fn init_cache_pipelines(
     let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
     let filtering = sampler(SamplerBindingType::Filtering);
     let kernel = |path, entry, bindings: &[_], groups: &[_], defs| {
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
+        Kernel::new(&shaders, KernelDescriptor { path, entry, bindings, groups, defs })
     };
     // Parameters, pairs; counters, blocks, starts, ranges.
     let clusters = [uniform, read, write, write, write, write];

@@ -28,12 +28,12 @@ pub(super) struct ScenePipelines {
 }
 
 /// Queues the kernels.
-pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
+pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
     let texture = texture_2d(TextureSampleType::Float { filterable: false });
     let kernel = |path, entry, bindings: &[_]| {
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
+        Kernel::new(&shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
     };
     commands.insert_resource(ScenePipelines {
         // Geometry, jobs, chunks, pose.

@@ -37,7 +37,7 @@ use super::extract::spawn_order;
 use super::prepare::SceneBuffers;
 use super::table::STORAGE_USAGES;
 use crate::camera::Found;
-use crate::compute::{GiShaders, Kernel, KernelDescriptor, whole};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, are_ready, whole};
 use crate::settings::GiWorldSettings;
 use crate::{GlobalIllumination, Technique};
 
@@ -172,18 +172,13 @@ impl SkyBuffers {
 }
 
 /// Kernels, and room for the table.
-pub(super) fn init_sky(
-    mut commands: Commands,
-    device: Res<RenderDevice>,
-    cache: Res<PipelineCache>,
-    shaders: Res<GiShaders>,
-) {
+pub(super) fn init_sky(mut commands: Commands, device: Res<RenderDevice>, shaders: Res<GiShaders>) {
     let uniform = uniform_buffer_sized(false, None);
     let write = storage_buffer_sized(false, None);
     let map = texture_cube(TextureSampleType::Float { filterable: true });
     let kernel = |entry, bindings: &[_]| {
         let path = "scene/sky.wgsl";
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
+        Kernel::new(&shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs: vec![] })
     };
     // Sky, scene; table, lights; map and its sampler.
     let bindings = [uniform, uniform, write, write, map, sampler(SamplerBindingType::Filtering)];
@@ -227,7 +222,7 @@ pub(super) fn update_sky(
 ) {
     let found = extracted.0.as_ref().and_then(|map| Some((map, map.texture(&images, &fallbacks)?)));
     let asked = settings.0.map_or(0, |settings| settings.sky);
-    let ready = asked > 0 && sky.measure.is_ready(&cache) && sky.choose.is_ready(&cache);
+    let ready = asked > 0 && are_ready([&sky.measure, &sky.choose], &cache);
     let (Some((map, image)), true) = (found, ready) else {
         sky.map = None;
         scene.set_sky_count(0);

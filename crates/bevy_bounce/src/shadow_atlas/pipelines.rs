@@ -83,12 +83,12 @@ pub(crate) fn bind_visibility(
     }
 }
 
-pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
+pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let uniform = uniform_buffer_sized(false, None);
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
     let kernel_with = |path, entry, bindings: &[_], groups: &[_], defs| {
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs })
+        Kernel::new(&shaders, KernelDescriptor { path, entry, bindings, groups, defs })
     };
     let kernel = |path, entry, bindings: &[_]| kernel_with(path, entry, bindings, &[], vec![]);
     let others = |path, entry, bindings: &[_]| kernel_with(path, entry, bindings, &[], vec!["BAKED".into()]);

@@ -11,7 +11,7 @@ use bevy::render::render_resource::{
     StorageTextureAccess, TextureFormat, TextureSampleType,
 };
 
-use crate::compute::{GiShaders, Kernel, KernelDescriptor};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, are_ready};
 
 /// Kernels in the order they run.
 #[derive(Resource)]
@@ -36,7 +36,7 @@ impl SsbcPipelines {
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
         let others = [&self.gather, &self.spread, &self.blur_rows, &self.blur_columns, &self.repair];
         let kernels = self.radiance.iter().chain(&self.reduce).chain(others);
-        kernels.into_iter().all(|kernel| kernel.is_ready(cache)) && cache.get_render_pipeline(self.apply).is_some()
+        are_ready(kernels, cache) && cache.get_render_pipeline(self.apply).is_some()
     }
 }
 
@@ -54,7 +54,7 @@ pub(super) fn init_pipelines(
     let (node, residual) = (write(TextureFormat::Rgba32Uint), write(TextureFormat::Rgba16Float));
     let kernel = |path, entry, bindings: &[_], defs: &[&str]| {
         let defs = defs.iter().map(|def| (*def).into()).collect();
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs })
+        Kernel::new(&shaders, KernelDescriptor { path, entry, bindings, groups: &[], defs })
     };
     // View, parameters, surface, residual; G-buffer, direct diffuse, bounced light; lowest level.
     let radiance = [uniform, uniform, words, light, words, light, light, node];

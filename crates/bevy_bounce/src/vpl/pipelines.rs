@@ -1,7 +1,6 @@
 //! Kernels of the path tracer and their bindings.
 
 use bevy::prelude::*;
-use bevy::render::render_resource::PipelineCache;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
 };
@@ -29,12 +28,12 @@ pub(super) struct VplPipelines {
     pub measure_density: Kernel,
 }
 
-pub(super) fn init_pipelines(mut commands: Commands, cache: Res<PipelineCache>, shaders: Res<GiShaders>) {
+pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let uniform = uniform_buffer_sized(false, None);
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);
     let kernel = |path, entry, bindings: &[_], groups: &[_]| {
-        Kernel::new(&cache, &shaders, KernelDescriptor { path, entry, bindings, groups, defs: vec![] })
+        Kernel::new(&shaders, KernelDescriptor { path, entry, bindings, groups, defs: vec![] })
     };
     // Geometry, instances, materials, thumbnails; emissive chunks, emitters, scene.
     let emitters = [read, read, read, read, read, write, uniform];
