@@ -205,6 +205,9 @@ fn gizmos_come_and_go() {
 fn every_picture_is_another() {
     use GiIsolate::*;
     let (size, folder) = (UVec2::new(160, 90), std::env::var_os("BOUNCE_PICTURES"));
+    // Caches cost most of a frame, and are in these alone.
+    let of_caches = [Glossy, VoxelLight, VoxelLevels, Clusters, Caches];
+    let without = GiSettings { radiance_cache: RadianceCacheSettings::DEFAULT, ..SETTINGS };
     let mut stage = Stage::new(size, SETTINGS, |app| {
         app.add_plugins(CornellPlugin);
     });
@@ -240,6 +243,7 @@ fn every_picture_is_another() {
         Caches,
     ] {
         stage.world().entity_mut(camera).insert(isolate);
+        stage.light_by(illumination(if of_caches.contains(&isolate) { SETTINGS } else { without }));
         look(&mut stage, format!("{isolate:?}"));
     }
     stage.world().entity_mut(camera).insert(All);

@@ -1,6 +1,7 @@
 //! Every shader of the crate: valid, within WebGPU's limits, known to every backend, of one mind with Rust.
 
 use std::collections::BTreeSet;
+use std::sync::LazyLock;
 
 use bevy::shader::ShaderDefVal;
 use bevy_bounce_shaders::SHADERS;
@@ -10,9 +11,14 @@ use bevy_bounce_tests::translate::{Demand, translate_everywhere};
 use naga::valid::Capabilities;
 use naga_oil::compose::{ComposableModuleDescriptor, Composer, NagaModuleDescriptor};
 
-/// Compute shaders and imported modules, each with every set of the definitions that it asks for. What reads Bevy's view
-/// bindings needs the definitions of a view: see `pipelines`.
-fn composed() -> impl Iterator<Item = (&'static str, Composed)> {
+/// Compute shaders and imported modules, each with every set of the definitions that it asks for, composed once for all tests. What reads
+/// Bevy's view bindings needs the definitions of a view: see `pipelines`.
+fn composed() -> &'static [(&'static str, Composed)] {
+    static ALL: LazyLock<Vec<(&str, Composed)>> = LazyLock::new(|| compose_all().collect());
+    &ALL
+}
+
+fn compose_all() -> impl Iterator<Item = (&'static str, Composed)> {
     let alone = SHADERS.iter().filter(|shader| !shader.source.contains("mesh_view_bindings"));
     let alone = alone.filter(|shader| !shader.source.contains("@fragment"));
     alone.flat_map(|shader| {
@@ -65,7 +71,8 @@ fn entry_points_are_those_listed() {
 #[test]
 fn every_compute_shader_translates_for_every_backend() {
     let failures: Vec<_> = composed()
-        .filter_map(|(path, composed)| translate_everywhere(&composed).err().map(|error| format!("{path}: {error}")))
+        .iter()
+        .filter_map(|(path, composed)| translate_everywhere(composed).err().map(|error| format!("{path}: {error}")))
         .collect();
     assert!(failures.is_empty(), "{}", failures.join("\n"));
 }
@@ -74,7 +81,7 @@ fn every_compute_shader_translates_for_every_backend() {
 fn every_compute_shader_is_within_webgpu_limits() {
     let mut failures = Vec::new();
     for (path, composed) in composed() {
-        for (entry, demand) in Demand::of_entries(&composed) {
+        for (entry, demand) in Demand::of_entries(composed) {
             if let Err(error) = demand.check_webgpu() {
                 failures.push(format!("{path}, {entry}: {error}"));
             }
@@ -88,7 +95,7 @@ fn structs_lie_the_same_in_rust_and_wgsl() {
     let rust = layout::rust_layouts();
     let mut seen = BTreeSet::new();
     for (path, composed) in composed() {
-        for (name, wgsl) in layout::wgsl_layouts(&composed) {
+        for (name, wgsl) in layout::wgsl_layouts(composed) {
             if let Some(rust) = rust.get(&name) {
                 assert_eq!(&wgsl, rust, "{name} in {path}");
                 seen.insert(name);
@@ -104,7 +111,7 @@ fn constants_are_the_same_in_rust_and_wgsl() {
     let rust = layout::rust_constants();
     assert!(rust.len() > 5, "types.rs has constants: {rust:?}");
     for (path, composed) in composed() {
-        for (name, value) in layout::wgsl_constants(&composed) {
+        for (name, value) in layout::wgsl_constants(composed) {
             if let Some(rust) = rust.get(&name) {
                 assert_eq!(value, *rust, "{name} in {path}");
             }

@@ -67,45 +67,54 @@ fn blocks_in_groups_give_the_light_of_blocks_in_the_world() {
 
 #[test]
 fn what_moves_is_not_voxelised_again() {
+    assert_moves_alone(Technique::InstantRadiosity);
+}
+
+#[test]
+#[ignore = "takes minutes on a software adapter"]
+fn what_moves_is_not_voxelised_again_for_caches() {
+    assert_moves_alone(Technique::RadianceCache);
+}
+
+/// A group that moves is lit where it is, by the voxels that it has.
+fn assert_moves_alone(technique: Technique) {
     let places = [
         Transform::from_xyz(0.9, 0.9, 0.9).with_rotation(Quat::from_rotation_x(0.7)),
         Transform::from_xyz(-1.0, 2.6, 0.3).with_scale(Vec3::new(0.5, 1.3, 0.8)),
         Transform::from_xyz(0.9, 0.9, 0.9).with_scale(Vec3::new(-1.0, 1.0, 1.0)),
     ];
-    for technique in TECHNIQUES {
-        let mut stage = cornell(technique, SMALL, true);
-        let block = named(&mut stage, "short block");
-        let before = stage.picture();
-        let voxelized = counts(&stage).voxelized;
-        for place in places {
-            stage.world().entity_mut(block).insert(place);
-            let moved = stage.picture();
-            // A mirror image is another one: of each triangle the other side is seen.
-            let mirrored = u64::from(place.scale.x < 0.0);
-            assert_eq!(counts(&stage).voxelized, voxelized + mirrored, "voxelised again");
-            assert!(moved != before, "the light stays where it was");
-            let fresh = self::stage(technique, SMALL, |app| {
-                app.add_plugins(CornellPlugin).add_systems(
-                    PostStartup,
-                    move |mut commands: Commands, named: Query<(Entity, &Name)>| {
-                        for (entity, name) in &named {
-                            if name.ends_with("block") {
-                                commands.entity(entity).insert(VoxelizedGroup::default());
-                            }
-                            if name.as_str() == "short block" {
-                                commands.entity(entity).insert(place);
-                            }
+    let mut stage = cornell(technique, SMALL, true);
+    let block = named(&mut stage, "short block");
+    let before = stage.picture();
+    let voxelized = counts(&stage).voxelized;
+    for place in places {
+        stage.world().entity_mut(block).insert(place);
+        let moved = stage.picture();
+        // A mirror image is another one: of each triangle the other side is seen.
+        let mirrored = u64::from(place.scale.x < 0.0);
+        assert_eq!(counts(&stage).voxelized, voxelized + mirrored, "voxelised again");
+        assert!(moved != before, "the light stays where it was");
+        let fresh = self::stage(technique, SMALL, |app| {
+            app.add_plugins(CornellPlugin).add_systems(
+                PostStartup,
+                move |mut commands: Commands, named: Query<(Entity, &Name)>| {
+                    for (entity, name) in &named {
+                        if name.ends_with("block") {
+                            commands.entity(entity).insert(VoxelizedGroup::default());
                         }
-                    },
-                );
-            })
-            .picture();
-            if technique == Technique::InstantRadiosity {
-                assert!(moved == fresh, "{technique:?}: not the light of that place");
-            } else {
-                // Caches stay where they were put.
-                assert_like("moved", &moved, &fresh, 0.1);
-            }
+                        if name.as_str() == "short block" {
+                            commands.entity(entity).insert(place);
+                        }
+                    }
+                },
+            );
+        })
+        .picture();
+        if technique == Technique::InstantRadiosity {
+            assert!(moved == fresh, "{technique:?}: not the light of that place");
+        } else {
+            // Caches stay where they were put.
+            assert_like("moved", &moved, &fresh, 0.1);
         }
     }
 }
@@ -178,23 +187,32 @@ fn groups_of_the_same_meshes_share_a_grid() {
 
 #[test]
 fn a_group_that_goes_leaves_nothing() {
-    for technique in TECHNIQUES {
-        let expected = hall_stage(technique, 0, false).picture();
-        let mut stage = hall_stage(technique, 3, true);
-        assert!(stage.picture() != expected);
-        let mut roots = stage.world().query_filtered::<Entity, With<VoxelizedGroup>>();
-        let roots: Vec<Entity> = roots.iter(stage.world()).collect();
-        for root in roots {
-            stage.world().entity_mut(root).despawn();
-        }
-        stage.frame(std::time::Duration::ZERO);
-        let camera = stage.only::<Camera3d>();
-        if let Some(mut illumination) = stage.world().get_mut::<GlobalIllumination>(camera) {
-            illumination.reset = true;
-        }
-        assert!(stage.picture() == expected, "{technique:?}: something of the groups is left");
-        assert_eq!(counts(&stage).groups, 0);
+    assert_goes_whole(Technique::InstantRadiosity);
+}
+
+#[test]
+#[ignore = "takes minutes on a software adapter"]
+fn a_group_that_goes_leaves_nothing_for_caches() {
+    assert_goes_whole(Technique::RadianceCache);
+}
+
+/// Without its groups a hall is lit as if they had never been there.
+fn assert_goes_whole(technique: Technique) {
+    let expected = hall_stage(technique, 0, false).picture();
+    let mut stage = hall_stage(technique, 3, true);
+    assert!(stage.picture() != expected);
+    let mut roots = stage.world().query_filtered::<Entity, With<VoxelizedGroup>>();
+    let roots: Vec<Entity> = roots.iter(stage.world()).collect();
+    for root in roots {
+        stage.world().entity_mut(root).despawn();
     }
+    stage.frame(std::time::Duration::ZERO);
+    let camera = stage.only::<Camera3d>();
+    if let Some(mut illumination) = stage.world().get_mut::<GlobalIllumination>(camera) {
+        illumination.reset = true;
+    }
+    assert!(stage.picture() == expected, "{technique:?}: something of the groups is left");
+    assert_eq!(counts(&stage).groups, 0);
 }
 
 /// The Cornell box with so many small cubes along its back as have room in groups, then its two blocks.
@@ -225,16 +243,25 @@ fn crowded(technique: Technique, grouped: bool, blocks: bool) -> Stage {
 
 #[test]
 fn more_groups_than_there_is_room_for_are_in_the_world() {
-    for technique in TECHNIQUES {
-        let expected = crowded(technique, false, true).picture();
-        let without = crowded(technique, true, false).picture();
-        let mut stage = crowded(technique, true, true);
-        let found = stage.picture();
-        assert_eq!(counts(&stage), GroupCounts { groups: 32, grids: 1, voxelized: 1 });
-        assert_like(&format!("{technique:?}"), &found, &expected, 0.1);
-        let differs = Metrics::new(&without, &expected).expect("sizes are equal");
-        assert!(differs.low > 0.2, "the bounds would not notice that blocks are missing: {differs:?}");
-    }
+    assert_crowds_spill(Technique::InstantRadiosity);
+}
+
+#[test]
+#[ignore = "takes minutes on a software adapter"]
+fn more_groups_than_there_is_room_for_are_in_the_world_of_caches() {
+    assert_crowds_spill(Technique::RadianceCache);
+}
+
+/// What has no grid of its own is lit in the world's.
+fn assert_crowds_spill(technique: Technique) {
+    let expected = crowded(technique, false, true).picture();
+    let without = crowded(technique, true, false).picture();
+    let mut stage = crowded(technique, true, true);
+    let found = stage.picture();
+    assert_eq!(counts(&stage), GroupCounts { groups: 32, grids: 1, voxelized: 1 });
+    assert_like(&format!("{technique:?}"), &found, &expected, 0.1);
+    let differs = Metrics::new(&without, &expected).expect("sizes are equal");
+    assert!(differs.low > 0.2, "the bounds would not notice that blocks are missing: {differs:?}");
 }
 
 /// Groups beside the same meshes in the world: milliseconds of the stages that know of voxels.
