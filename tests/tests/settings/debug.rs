@@ -23,6 +23,9 @@ const SETTINGS: GiSettings = GiSettings {
     ..SMALL
 };
 
+/// Without caches, which cost most of a frame on a software adapter.
+const WITHOUT_CACHES: GiSettings = GiSettings { radiance_cache: RadianceCacheSettings::DEFAULT, ..SETTINGS };
+
 fn cornell(settings: GiSettings) -> Stage {
     Stage::new(SIZE, settings, |app| {
         app.add_plugins(CornellPlugin);
@@ -54,7 +57,7 @@ fn half(picture: &Picture, right: bool) -> Picture {
 /// Bounded light on the left, compensated on the right, to the bit.
 #[test]
 fn the_halves_of_a_split_picture_are_those_of_its_parts() {
-    let mut stage = cornell(SETTINGS);
+    let mut stage = cornell(WITHOUT_CACHES);
     let [bounded, whole, split] =
         [GiIsolate::Bounded, GiIsolate::Indirect, GiIsolate::Split].map(|isolate| isolated(&mut stage, isolate));
     assert!(half(&split, false) == half(&bounded, false) && half(&split, true) == half(&whole, true));
@@ -76,14 +79,14 @@ fn terms_add_up() {
     let diffuse = Picture { pixels: whole.pixels.clone(), ..whole };
     let count = irradiance.pixels.iter().zip(&diffuse.pixels).filter(|pair| brighter(*pair)).count();
     assert!(count * 100 > irradiance.pixels.len() * 98, "{count} of {} pixels", irradiance.pixels.len());
-    stage.light_by(illumination(GiSettings { radiance_cache: RadianceCacheSettings::DEFAULT, ..SETTINGS }));
+    stage.light_by(illumination(WITHOUT_CACHES));
     assert_eq!(isolated(&mut stage, GiIsolate::Glossy).mean_luminance(), 0.0);
 }
 
 /// A camera's rays meet the red wall on the left, the green one on the right, the floor below.
 #[test]
 fn voxels_look_like_the_room() {
-    let mut stage = cornell(SETTINGS);
+    let mut stage = cornell(WITHOUT_CACHES);
     let (left, right, floor) = ((44, 45), (116, 45), (80, 82));
     let albedo = shown(&mut stage, GiIsolate::VoxelAlbedo);
     let at = |picture: &Picture, (x, y): (usize, usize)| picture.at(x, y);
@@ -105,6 +108,7 @@ fn voxels_look_like_the_room() {
 
 /// Every level has about the light that voxels send, and is coarser than the one before; caches are shown one after the other.
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn levels_and_caches_are_shown() {
     let mut stage = cornell(SETTINGS);
     let [levels, light] = [GiIsolate::VoxelLevels, GiIsolate::VoxelLight].map(|isolate| isolated(&mut stage, isolate));
@@ -202,12 +206,11 @@ fn gizmos_come_and_go() {
 
 /// No two of them are the same; with `BOUNCE_PICTURES`, a folder, they are written there as the display shows them.
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn every_picture_is_another() {
     use GiIsolate::*;
     let (size, folder) = (UVec2::new(160, 90), std::env::var_os("BOUNCE_PICTURES"));
-    // Caches cost most of a frame, and are in these alone.
     let of_caches = [Glossy, VoxelLight, VoxelLevels, Clusters, Caches];
-    let without = GiSettings { radiance_cache: RadianceCacheSettings::DEFAULT, ..SETTINGS };
     let mut stage = Stage::new(size, SETTINGS, |app| {
         app.add_plugins(CornellPlugin);
     });
@@ -243,7 +246,7 @@ fn every_picture_is_another() {
         Caches,
     ] {
         stage.world().entity_mut(camera).insert(isolate);
-        stage.light_by(illumination(if of_caches.contains(&isolate) { SETTINGS } else { without }));
+        stage.light_by(illumination(if of_caches.contains(&isolate) { SETTINGS } else { WITHOUT_CACHES }));
         look(&mut stage, format!("{isolate:?}"));
     }
     stage.world().entity_mut(camera).insert(All);
