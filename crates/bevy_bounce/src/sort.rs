@@ -10,7 +10,7 @@ use bevy::render::render_resource::{
 use bevy::render::renderer::RenderDevice;
 use bevy_bounce_shaders::types::SORT_BLOCK;
 
-use crate::compute::{GiShaders, Kernel, KernelDescriptor, whole};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, are_ready, whole};
 
 /// Bits a pass sorts by.
 const DIGIT_BITS: u32 = 8;
@@ -51,6 +51,13 @@ pub(crate) fn init_sort_pipelines(mut commands: Commands, device: Res<RenderDevi
         scatter: kernel("scatter"),
         digits: std::array::from_fn(digit),
     });
+}
+
+impl SortPipelines {
+    /// Whether all are compiled.
+    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
+        are_ready([&self.count, &self.scan, &self.scatter], cache)
+    }
 }
 
 /// Pairs of two words, key and value.

@@ -204,8 +204,7 @@ fn seen(down: impl Iterator<Item = f32>, from: f32, up: impl Iterator<Item = f32
     frames(&mut stage, 10);
     let down = steps(&mut stage, camera, down);
     stage.world().get_mut::<GiBudget>(camera).expect("has a budget").share = from;
-    // Until the history is of that share alone.
-    frames(&mut stage, 24);
+    frames(&mut stage, 80);
     let up = steps(&mut stage, camera, up);
     let lamp = stage.only::<SpotLight>();
     stage.world().get_mut::<SpotLight>(lamp).expect("is a lamp").intensity = 0.0;

@@ -33,9 +33,11 @@ fn stage(light: &GlobalIllumination, place: Transform) -> Stage {
 /// After a cut with a reset, the frame of a fresh start; without it, another one. Nothing has to be set back.
 #[test]
 fn a_reset_is_a_fresh_start() {
-    for (technique, radiance_cache) in
-        [(Technique::InstantRadiosity, GLOSSY), (Technique::RadianceCache, RadianceCacheSettings::DEFAULT)]
-    {
+    for (technique, radiance_cache) in [
+        (Technique::InstantRadiosity, RadianceCacheSettings::DEFAULT),
+        (Technique::InstantRadiosity, GLOSSY),
+        (Technique::RadianceCache, RadianceCacheSettings::DEFAULT),
+    ] {
         let light = GlobalIllumination { technique, quality: Quality::Custom(settings(radiance_cache)), ..default() };
         let (from, to) = (look(Vec3::new(0.0, 2.0, 6.5)), look(Vec3::new(1.5, 2.5, 4.0)));
         let without_history = Quality::Custom(GiSettings { history: 0, ..settings(radiance_cache) });

@@ -4,3 +4,4 @@ mod budget;
 mod cuts;
 mod debug;
 mod effects;
+mod kernels;

@@ -134,6 +134,9 @@ pub(super) fn voxelize(
 ) {
     let (Some(_), Some(p), Some(mut grid), Some(scene)) = (settings.0, pipelines, grid, scene) else { return };
     let (Some(uniform), Some(scene_uniform)) = (grid.uniform.binding(), scene.uniform()) else { return };
+    if !p.are_ready(&cache) {
+        return;
+    }
     let device = ctx.render_device().clone();
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
@@ -152,8 +155,7 @@ pub(super) fn voxelize(
         cell_capacity: grid.grid.cell_capacity,
     };
     world.record(&p, &grid, &scene, &device, encoder, &cache);
-    let are_ready = p.are_ready(&cache);
-    let built = if are_ready { voxelize_groups(&p, &grid, &scene, &device, encoder, &cache) } else { 0 };
+    let built = voxelize_groups(&p, &grid, &scene, &device, encoder, &cache);
     span.end(encoder);
     if built > 0 {
         grid.groups.built += built;

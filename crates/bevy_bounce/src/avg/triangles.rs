@@ -25,7 +25,7 @@ pub(crate) struct TriangleGroups {
 }
 
 impl TriangleRun {
-    /// Queues the pipelines; what the run does follows from the definitions. See `avg/voxelize.wgsl`.
+    /// Describes the pipelines; what the run does follows from the definitions. See `avg/voxelize.wgsl`.
     pub fn new(shaders: &GiShaders, bindings: &[BindGroupLayoutEntryBuilder], defs: &[ShaderDefVal]) -> Self {
         let voxelize = |entry| {
             let defs = defs.to_vec();

@@ -13,7 +13,7 @@
 //! Bevy's ambient light and irradiance volumes are left out, for they stand for the bounced light that is computed here;
 //! lightmaps, which Bevy's G-buffer carries as emission, stay, and where they are, diffuse bounced light is left out. Emission shows
 //! as in Bevy's deferred path, without exposure.
-//! While the pipelines are compiled, and should they fail, Bevy's lighting runs.
+//! While its own pipelines are compiled, and should they fail, Bevy's lighting runs; while those of a technique are, bounced light is missing.
 
 mod extract;
 mod lightmapped;

@@ -180,10 +180,10 @@ pub(super) fn light_texels(
 ) {
     let (Some(mut baked), Some(p), Some(scene)) = (baked, pipelines, scene) else { return };
     let baked = &mut *baked;
-    if baked.rests() || !p.are_ready(baked.count(), &cache) {
+    let Some(wanted) = baked.wanted.clone().filter(|wanted| wanted.bounces > 0) else { return };
+    if baked.rests() || !p.are_ready(&cache) {
         return;
     }
-    let Some(wanted) = baked.wanted.clone().filter(|wanted| wanted.bounces > 0) else { return };
     let device = ctx.render_device().clone();
     baked.light.receive(wanted.at_texels, &device);
     let afresh = if baked.is_lit() {

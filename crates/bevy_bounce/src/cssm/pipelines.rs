@@ -36,16 +36,23 @@ pub(super) struct GatherKernels {
     pub smooth_pixels: Kernel,
 }
 
+impl GatherKernels {
+    fn all(&self) -> [&Kernel; 4] {
+        [&self.bounce, &self.pixels, &self.glossy_pixels, &self.smooth_pixels]
+    }
+}
+
 impl CssmPipelines {
     /// Those that gather from that many objects.
     pub fn gather(&self, objects: u32) -> &GatherKernels {
         if objects > 1 { &self.several } else { &self.one }
     }
 
-    /// Whether all that light the texels of that many objects are compiled.
-    pub fn are_ready(&self, objects: u32, cache: &PipelineCache) -> bool {
-        let bounce = &self.gather(objects).bounce;
-        are_ready([&self.emit, &self.direct, &self.leaves, &self.pull, &self.pull_top, bounce], cache)
+    /// Whether all are compiled, those that light pixels among them: these may not miss the frame in which texels change.
+    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
+        let texels = [&self.emit, &self.direct, &self.leaves, &self.pull, &self.pull_top];
+        let gather = [&self.one, &self.several].into_iter().flat_map(GatherKernels::all);
+        are_ready(texels.into_iter().chain(gather), cache)
     }
 }
 

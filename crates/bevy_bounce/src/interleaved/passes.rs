@@ -58,6 +58,9 @@ pub(super) fn shade(
     let see_groups =
         if key.sky == sky.is_some() { see_groups } else { bind_sight(None).map_or(see_groups, |bound| bound.1) };
     let passes = p.passes(key, &shaders);
+    if !passes.are_ready(&cache) {
+        return;
+    }
     let device = ctx.render_device().clone();
     let bindings = |output| {
         [

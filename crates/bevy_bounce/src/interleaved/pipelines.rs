@@ -59,7 +59,8 @@ impl InterleavedPipelines {
 }
 
 impl Passes {
-    fn are_ready(&self, cache: &PipelineCache) -> bool {
+    /// Whether all are compiled.
+    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
         are_ready([&self.shade, &self.rows, &self.columns].into_iter().chain(&self.sky_columns), cache)
     }
 

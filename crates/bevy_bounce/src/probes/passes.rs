@@ -41,7 +41,8 @@ pub(super) fn light_probes(
     else {
         return;
     };
-    if !receivers.any() {
+    // Compiled before anything receives their light.
+    if !p.are_ready(asked.volume.visibility, &cache) || !receivers.any() {
         return;
     }
     let Some(image) = images.get(asked.image).filter(|image| {

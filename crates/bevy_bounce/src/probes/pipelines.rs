@@ -4,12 +4,12 @@ use bevy::prelude::*;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, texture_storage_3d, uniform_buffer_sized,
 };
-use bevy::render::render_resource::{StorageTextureAccess, TextureFormat};
+use bevy::render::render_resource::{PipelineCache, StorageTextureAccess, TextureFormat};
 use bevy::shader::ShaderDefVal;
 
 use crate::VplVisibility;
 use crate::avg::{grid_layout, sky_layout};
-use crate::compute::{GiShaders, Kernel, KernelDescriptor};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, are_ready};
 use crate::shadow_atlas::visibility_layouts;
 
 /// Kernels in the order they run.
@@ -22,6 +22,11 @@ pub(super) struct ProbePipelines {
 }
 
 impl ProbePipelines {
+    /// Whether all that light probes by lights of that visibility are compiled, under a sky or not.
+    pub fn are_ready(&self, visibility: VplVisibility, cache: &PipelineCache) -> bool {
+        are_ready([&self.place, self.light(visibility), &self.sky, &self.fill], cache)
+    }
+
     /// The sum over lights of that visibility.
     pub fn light(&self, visibility: VplVisibility) -> &Kernel {
         let [none, voxel, atlas] = &self.light;

@@ -9,7 +9,7 @@ use bevy_bounce_shaders::types::GROUP_EDGE;
 use super::pipelines::LightPipelines;
 use super::volume::{EMISSION_BYTES, LightTextures, VoxelLight};
 use crate::avg::{GROUP_CELLS, VoxelGrid, Workspace, bind_grid};
-use crate::compute::{Kernel, are_ready, folded, part, whole};
+use crate::compute::{Kernel, folded, part, whole};
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::vpl::VplBuffers;
@@ -169,7 +169,7 @@ fn add_emission(
         };
         world.record(p, light, scene, device, encoder, cache);
     }
-    let Some(work) = grid.groups.work.as_ref().filter(|_| are_ready(p.emit.kernels(), cache)) else { return };
+    let Some(work) = &grid.groups.work else { return };
     light.emitted.resize(grid.groups.sources.len(), 0);
     for (index, source) in grid.groups.sources.iter().enumerate() {
         let (Some(uniform), Some(scene_uniform)) = (source.grid.binding(), source.scene.binding()) else { continue };
@@ -206,6 +206,9 @@ pub(super) fn light_voxels(
     else {
         return;
     };
+    if !p.are_ready(&cache) {
+        return;
+    }
     let device = ctx.render_device().clone();
     let Some(bound) = Bound::new(&p, &light, &grid, &vpl, &scene, &device, &cache) else { return };
     let diagnostics = ctx.diagnostic_recorder();
@@ -234,4 +237,5 @@ pub(super) fn light_voxels(
         filter(&p.fill_groups, bound, textures, UVec3::splat(GROUP_EDGE) * UVec3::new(1, 1, groups));
     }
     span.end(encoder);
+    light.is_lit = true;
 }

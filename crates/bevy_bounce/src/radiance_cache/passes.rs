@@ -86,6 +86,11 @@ impl Groups {
     }
 }
 
+/// Whether diffuse light is of caches, too.
+fn is_diffuse(view: &GiView) -> bool {
+    view.technique == Technique::RadianceCache
+}
+
 /// Finds clusters of the pixels.
 fn cluster(
     p: &CachePipelines,
@@ -144,6 +149,10 @@ pub(super) fn distribute(
     let (gi, textures, held, offset) = view.into_inner();
     let (Some(p), Some(sort), Some(view)) = (pipelines, sort, view_binding(&view_uniforms, offset)) else { return };
     let device = ctx.render_device().clone();
+    let (ours, sorts) = (p.are_ready(is_diffuse(gi), &cache), sort.are_ready(&cache));
+    if !(ours && sorts) {
+        return;
+    }
     let Some(groups) = Groups::new(&p, held, &textures.surface, &view, &device, &cache) else { return };
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
@@ -167,10 +176,13 @@ pub(super) fn create(
 ) {
     let (gi, held) = view.into_inner();
     let (Some(p), Some(light), Some(grid)) = (pipelines, light, grid) else { return };
+    let diffuse = is_diffuse(gi);
+    if !(light.is_lit && p.are_ready(diffuse, &cache)) {
+        return;
+    }
     let device = ctx.render_device().clone();
     let Some(volume) = bind_volume(&p, &grid, &light, &device, &cache) else { return };
     // Beside virtual lights, pixels look at the sky by themselves, and what reflects it is Bevy's.
-    let diffuse = gi.technique == Technique::RadianceCache;
     let sky = sky.filter(|_| diffuse && gi.settings.sky > 0 && scene.is_some_and(|scene| scene.sky_count() > 0));
     let create = p.create(sky.is_some());
     let mut bindings = vec![whole(&held.counters), whole(&held.caches), texture(&held.atlas)];
@@ -195,13 +207,16 @@ pub(super) fn evaluate(
 ) {
     let (gi, textures, held, prepass, offset) = view.into_inner();
     let (Some(p), Some(light)) = (pipelines, light) else { return };
+    let diffuse = is_diffuse(gi);
+    if !(light.is_lit && p.are_ready(diffuse, &cache)) {
+        return;
+    }
     let (Some(view), Some(deferred), Some(parameters)) =
         (view_binding(&view_uniforms, offset), prepass.deferred_view(), held.parameters.binding())
     else {
         return;
     };
     let (Some(glossy), Some(coat)) = (&textures.glossy, &textures.coat) else { return };
-    let diffuse = gi.technique == Technique::RadianceCache;
     let evaluate = p.evaluate(diffuse);
     let bindings = [
         view,

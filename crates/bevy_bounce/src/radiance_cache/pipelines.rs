@@ -13,7 +13,7 @@ use bevy::render::renderer::RenderDevice;
 
 use super::volume::VoxelLight;
 use crate::avg::{TriangleRun, VoxelGrid, grid_layout};
-use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, are_ready, bind_group, group_layout};
 
 /// Kernels that light the voxels, in the order they run.
 #[derive(Resource)]
@@ -48,7 +48,24 @@ pub(super) struct CachePipelines {
     pub sampler: Sampler,
 }
 
+impl LightPipelines {
+    /// Whether all are compiled.
+    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
+        let places = [&self.list_places, &self.list_group_places, &self.measure_unit];
+        let light = [&self.light_cells, &self.fill, &self.fill_groups, &self.reduce];
+        are_ready(self.emit.kernels().into_iter().chain(places).chain(light), cache)
+    }
+}
+
 impl CachePipelines {
+    /// Whether all that light pixels so are compiled, under a sky or not.
+    pub fn are_ready(&self, diffuse: bool, cache: &PipelineCache) -> bool {
+        let clusters = [&self.choose_axes, &self.write_keys, &self.count_differences, &self.choose_coarseness];
+        let blocks = [&self.count_blocks, &self.scan_blocks, &self.number_clusters];
+        let caches = [&self.keep, &self.place, &self.create, &self.create_with_sky, self.evaluate(diffuse)];
+        are_ready(clusters.into_iter().chain(blocks).chain(caches), cache)
+    }
+
     /// The kernel that fills caches: with bounced light alone, or with the sky's too.
     pub fn create(&self, sky: bool) -> &Kernel {
         if sky { &self.create_with_sky } else { &self.create }

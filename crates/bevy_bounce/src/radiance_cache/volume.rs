@@ -39,6 +39,8 @@ pub(crate) struct VoxelLight {
     pub groups: Option<LightTextures>,
     /// By their grids: the revision whose emission is known.
     pub emitted: Vec<u64>,
+    /// Whether they hold light.
+    pub is_lit: bool,
     rooms: Rooms,
 }
 
@@ -159,6 +161,7 @@ impl VoxelLight {
             world: LightTextures::new(device, texels(&parameters), parameters.last_level + 1),
             groups: (rooms.groups > 0).then(|| LightTextures::new(device, cubes, GROUP_EDGE.ilog2() + 1)),
             emitted: Vec::new(),
+            is_lit: false,
             rooms,
         }
     }

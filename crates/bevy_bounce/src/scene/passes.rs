@@ -27,7 +27,7 @@ pub(super) struct ScenePipelines {
     pub thumbnail: Kernel,
 }
 
-/// Queues the kernels.
+/// Describes the kernels.
 pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let read = storage_buffer_read_only_sized(false, None);
     let write = storage_buffer_sized(false, None);

@@ -74,7 +74,7 @@ pub(super) fn draw_atlas(
         return;
     };
     let (Some(parameters), Some(grid_uniform)) = (atlas.parameters.binding(), grid.uniform.binding()) else { return };
-    let Some(settings) = settings.0 else { return };
+    let Some(settings) = settings.0.filter(|settings| p.are_ready(settings.visibility, &cache)) else { return };
     let counts = scene.occluders();
     let groups = |count| UVec3::new(count, 1, 1);
     let baked = baked.filter(|baked| settings.visibility == VplVisibility::Baked && baked.is_placed());

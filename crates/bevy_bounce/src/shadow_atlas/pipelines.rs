@@ -11,7 +11,7 @@ use bevy::shader::ShaderDefVal;
 use super::prepare::ShadowAtlas;
 use crate::VplVisibility;
 use crate::avg::{VoxelGrid, bind_grid, bind_sky, grid_layout, sky_layout};
-use crate::compute::{GiShaders, Kernel, KernelDescriptor, bind_group, group_layout, whole};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, are_ready, bind_group, group_layout, whole};
 use crate::cssm::maps_layout;
 use crate::scene::SceneBuffers;
 
@@ -28,6 +28,21 @@ pub(super) struct AtlasPipelines {
     /// `place_occluders` and `rasterize` for what they see of the rest.
     pub place_others: Kernel,
     pub rasterize_others: Kernel,
+}
+
+impl AtlasPipelines {
+    /// Whether all are compiled that draw what lights see in that way, with bakes or without.
+    pub fn are_ready(&self, visibility: VplVisibility, cache: &PipelineCache) -> bool {
+        let points = [&self.place_points, &self.splat_points];
+        let triangles = [&self.place_occluders, &self.rasterize];
+        let bakes = [&self.find_eyes, &self.draw_baked, &self.place_others, &self.rasterize_others];
+        match visibility {
+            VplVisibility::None | VplVisibility::Voxel => true,
+            VplVisibility::Ism => are_ready(points, cache),
+            VplVisibility::Atlas => are_ready(triangles, cache),
+            VplVisibility::Baked => are_ready(triangles.into_iter().chain(bakes), cache),
+        }
+    }
 }
 
 /// Group 2 of the kernels that look up depths: sizes, the atlas. See `shadow_atlas/lookup.wgsl`.

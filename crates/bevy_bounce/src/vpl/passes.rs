@@ -39,6 +39,11 @@ pub(super) fn trace_vpls(
     else {
         return;
     };
+    // One after the other, and none without the rest.
+    let (ours, sorts) = (p.are_ready(&cache), sort.are_ready(&cache));
+    if !(ours && sorts) {
+        return;
+    }
     let (Some(scene_uniform), Some(parameters)) = (scene.uniform(), vpl.parameters.binding()) else { return };
     let (Some(grid_uniform), Some(grid_group)) =
         (grid.uniform.binding(), bind_grid(&grid, ctx.render_device(), &cache))

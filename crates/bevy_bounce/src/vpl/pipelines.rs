@@ -1,12 +1,13 @@
 //! Kernels of the path tracer and their bindings.
 
 use bevy::prelude::*;
+use bevy::render::render_resource::PipelineCache;
 use bevy::render::render_resource::binding_types::{
     storage_buffer_read_only_sized, storage_buffer_sized, uniform_buffer_sized,
 };
 
 use crate::avg::grid_layout;
-use crate::compute::{GiShaders, Kernel, KernelDescriptor};
+use crate::compute::{GiShaders, Kernel, KernelDescriptor, are_ready};
 
 /// Kernels in the order they run.
 #[derive(Resource)]
@@ -26,6 +27,18 @@ pub(super) struct VplPipelines {
     pub set_lights: Kernel,
     pub add_group_areas: Kernel,
     pub measure_density: Kernel,
+}
+
+impl VplPipelines {
+    /// Whether all are compiled.
+    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
+        let emitters = [&self.collect_emitters, &self.accumulate_emitters];
+        let paths = [&self.look_ahead, &self.trace_paths, &self.scan_paths, &self.write_pairs, &self.scan_weights];
+        let list = [&self.measure_nodes, &self.cut, &self.build_list];
+        let places = [&self.file_lights, &self.meet_triangles, &self.set_lights];
+        let densities = [&self.add_group_areas, &self.measure_density];
+        are_ready(emitters.into_iter().chain(paths).chain(list).chain(places).chain(densities), cache)
+    }
 }
 
 pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {

@@ -106,9 +106,19 @@ fn bounds(stage: &mut Stage) -> (Vec3, Vec3) {
     (low, high)
 }
 
-/// A church of columns and ledges from a hundred places within, most of them in no place for a camera.
 #[test]
+fn every_pixel_has_light_from_some_cameras() {
+    assert_church_is_covered(20);
+}
+
+#[test]
+#[ignore = "takes minutes on a software adapter"]
 fn every_pixel_has_light_from_a_hundred_cameras() {
+    assert_church_is_covered(100);
+}
+
+/// A church of columns and ledges from so many places within, most of them in no place for a camera.
+fn assert_church_is_covered(cameras: u32) {
     let Some(file) = shared_file("scenes/sibenik.glb") else { return };
     let size = SIZE / 2;
     let quality = Quality::Custom(GiSettings { vpls: 64, ..SMALL });
@@ -118,7 +128,7 @@ fn every_pixel_has_light_from_a_hundred_cameras() {
     let camera = stage.only::<Camera3d>();
     let mut random = Random::new(7);
     let (mut pixels, mut merged) = (0, 0);
-    for i in 0..100 {
+    for i in 0..cameras {
         let place = low + (high - low) * (0.5 + 0.45 * random.vector());
         let look = Transform::from_translation(place).looking_to(random.direction(), Vec3::Y);
         stage.world().entity_mut(camera).insert(look);
@@ -129,5 +139,5 @@ fn every_pixel_has_light_from_a_hundred_cameras() {
         merged += counts.merged;
     }
     println!("{pixels} pixels, {merged} clusters merged");
-    assert!(pixels > 20 * size.element_product(), "hardly anything is seen: {pixels} pixels");
+    assert!(5 * pixels > cameras * size.element_product(), "hardly anything is seen: {pixels} pixels");
 }

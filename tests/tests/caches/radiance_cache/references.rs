@@ -33,6 +33,7 @@ fn cornell_spot_equals_its_reference() {
 }
 
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn u_room_equals_its_reference() {
     assert_agreement("u_room");
 }
