@@ -90,6 +90,31 @@ fn two_bakes_light_as_one_does() {
     compare(&stage.picture(), &whole, &bounds).expect_err("the bounds are too wide to tell");
 }
 
+/// While everything rests, pixels keep their light; another bake changes it all the same.
+#[test]
+fn a_bake_that_comes_shows_where_everything_rests() {
+    const HISTORY: u32 = 4;
+    let GlobalIllumination { quality: Quality::Custom(settings), .. } = radiosity(1.0, 3) else { return };
+    let quality = Quality::Custom(GiSettings { history: HISTORY, ..settings });
+    let light = GlobalIllumination { quality, ..radiosity(1.0, 3) };
+    let rested = |stage: &mut Stage| {
+        (0..4 * HISTORY).for_each(|_| stage.frame(Duration::ZERO));
+        stage.picture()
+    };
+    let mut stage = Stage::of_asset("cornell_box.glb", run(SMALL_SIZE, Some(light.clone())), true, None);
+    let (root, block) = (stage.only::<WorldAssetRoot>(), block(&mut stage));
+    let [room_bake, block_bake] = cornell_box_in_two(SMALL_ATLASES);
+    bake(&mut stage, root, room_bake);
+    let alone = rested(&mut stage);
+    bake(&mut stage, block, block_bake);
+    let both = rested(&mut stage);
+    let expected = rested(&mut in_two(SMALL_SIZE, light, SMALL_ATLASES).0);
+    let bounds = Bounds { energy: Some((0.99, 1.01)), low: Some(0.02), flip: None, nrmse: None };
+    let metrics = compare(&both, &expected, &bounds).unwrap_or_else(|error| panic!("{error}"));
+    println!("{metrics:?}");
+    compare(&alone, &expected, &bounds).expect_err("the bounds are too wide to tell");
+}
+
 /// The block in each of the poses has the light of that pose's reference: `tests/data/moving_block.N.indirect.exr` are path-traced.
 fn assert_poses_equal_their_references(numbers: &[usize]) {
     let bounds = Bounds { energy: Some((0.93, 1.07)), low: Some(0.2), flip: None, nrmse: None };
