@@ -74,6 +74,7 @@ fn a_church_and_a_dining_room_equal_their_references() {
 
 /// Beside a reference that is sunlit through the holes of leaves and sees through them without a bounce: see `data/README.md`.
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn an_atrium_with_masked_plants_equals_its_reference() {
     let Some(scene) = shared_file("scenes/sponza.glb") else { return };
     let reference = Picture::load(&committed_file("sponza.indirect.exr")).unwrap_or_else(|error| panic!("{error}"));

@@ -228,6 +228,7 @@ fn fog_in_a_forward_app_is_lit_too() {
 
 /// Where rays are parallel, too, before and behind the plane of the eye: by the closed form, as all of them go through as much fog.
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn fog_is_even_in_an_orthographic_view() {
     let mut stage = stage_of(SIZE, FURNACE, false, furnace);
     let camera = stage.only::<GlobalIllumination>();
@@ -335,6 +336,7 @@ const PATHS: u32 = 16384;
 /// What fog scatters at points in a room is what comes there on traced paths, whatever way it scatters; but for what comes from dim and near
 /// surfaces, where few lights lie.
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn fog_at_a_point_scatters_the_light_of_that_point() {
     assert_scatters_what_is_there(Quality::High, [50, 48, 46]);
 }

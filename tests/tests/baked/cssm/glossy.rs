@@ -41,6 +41,7 @@ fn balls() -> (Stage, Picture) {
 }
 
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn a_box_of_glossy_balls_equals_its_reference() {
     let (mut stage, picture) = balls();
     let reference = reference();
@@ -66,6 +67,7 @@ fn each_glossy_ball_equals_its_reference() {
 
 /// While a picture rests, a smooth ball mirrors coarse texels more like fine ones.
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn mirrors_sharpen_while_everything_rests() {
     let mirrored = |bake: &CssmFile, history: u32| {
         let settings = GiSettings {

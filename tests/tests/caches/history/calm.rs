@@ -120,7 +120,7 @@ fn unrest_of_a_crowd(technique: Technique, isolate: GiIsolate, frames: usize) ->
 
 #[test]
 fn no_picture_stands_out_in_a_crowd() {
-    assert_calm(8);
+    assert_calm(6);
 }
 
 #[test]

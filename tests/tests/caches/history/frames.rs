@@ -291,6 +291,7 @@ fn views_are_calmer(kinds: &[(&str, Projection, Camera)]) {
 }
 
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn views_of_other_kinds_are_calmer() {
     let parallel = Projection::Orthographic(OrthographicProjection {
         scaling_mode: ScalingMode::FixedVertical { viewport_height: 4.0 },

@@ -131,6 +131,7 @@ fn shining_box(build: &mut Builder, emitted: f32) {
 /// A closed box that emits and reflects nothing, with white balls in it, half of them of metal, the other half lacquered: light is the same
 /// from everywhere, and so is what they send, at every roughness.
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn a_white_furnace_is_white_at_every_roughness() {
     let emitted = 10.0;
     for roughness in [0.1, 0.3, 0.5, 0.8, 1.0] {
@@ -169,6 +170,7 @@ fn a_white_furnace_is_white_at_every_roughness() {
 
 /// A black ball with a clearcoat in a box that shines reflects of it what Fresnel says; beneath a coat what is white stays white.
 #[test]
+#[ignore = "takes minutes on a software adapter"]
 fn clearcoats_reflect_what_is_around() {
     let emitted = 10.0;
     let lit = |color: Color, reflectance: f32, clearcoat: f32| {
