@@ -145,7 +145,7 @@ impl Kernel {
 
 /// Whether all are compiled; has those compiled that are not, all at once.
 pub(crate) fn are_ready<'a>(kernels: impl IntoIterator<Item = &'a Kernel>, cache: &PipelineCache) -> bool {
-    kernels.into_iter().fold(true, |others, kernel| kernel.is_ready(cache) && others)
+    kernels.into_iter().filter(|kernel| !kernel.is_ready(cache)).count() == 0
 }
 
 /// Whether a pipeline cannot be compiled; one that waits for its shader to be loaded still may.
