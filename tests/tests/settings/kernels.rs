@@ -89,7 +89,7 @@ fn every_kernel_is_made_with_webgpu_limits() {
         stage.light_by(GlobalIllumination { technique, quality: Quality::Custom(settings), ..default() });
         for isolate in isolates {
             stage.world().entity_mut(camera).insert(*isolate);
-            // Asked for, compiled, used: each pass after what it shows.
+            // One in which kernels are asked for, one in which those are that wait for what these make.
             (0..3).for_each(|_| stage.frame(Duration::ZERO));
         }
     }

@@ -53,14 +53,11 @@ pub(super) fn shade(
     let key =
         PassesKey { visibility, resolution: gi.settings.resolution, sky: sky.is_some(), sky_seen: sky_seen.is_some() };
     p.passes(key, &shaders);
-    let key = p.compiled(key, &cache);
+    let Some(key) = p.compiled(key, &cache) else { return };
     let sky_seen = sky_seen.filter(|_| key.sky_seen);
     let see_groups =
         if key.sky == sky.is_some() { see_groups } else { bind_sight(None).map_or(see_groups, |bound| bound.1) };
     let passes = p.passes(key, &shaders);
-    if !passes.are_ready(&cache) {
-        return;
-    }
     let device = ctx.render_device().clone();
     let bindings = |output| {
         [

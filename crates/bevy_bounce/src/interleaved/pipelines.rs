@@ -51,16 +51,16 @@ impl InterleavedPipelines {
     }
 
     /// The key itself, once its kernels are compiled; until then, of those whose are, the one that leaves out the least of the sky.
-    pub fn compiled(&self, key: PassesKey, cache: &PipelineCache) -> PassesKey {
+    /// `None` while there is none.
+    pub fn compiled(&self, key: PassesKey, cache: &PipelineCache) -> Option<PassesKey> {
         let less = [PassesKey { sky_seen: false, ..key }, PassesKey { sky: false, sky_seen: false, ..key }];
         let is_ready = |key: &PassesKey| self.0.get(key).is_some_and(|passes| passes.are_ready(cache));
-        [key].into_iter().chain(less).find(is_ready).unwrap_or(key)
+        [key].into_iter().chain(less).find(is_ready)
     }
 }
 
 impl Passes {
-    /// Whether all are compiled.
-    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
+    fn are_ready(&self, cache: &PipelineCache) -> bool {
         are_ready([&self.shade, &self.rows, &self.columns].into_iter().chain(&self.sky_columns), cache)
     }
 

@@ -94,7 +94,9 @@ fn two_bakes_light_as_one_does() {
 #[test]
 fn a_bake_that_comes_shows_where_everything_rests() {
     const HISTORY: u32 = 4;
-    let GlobalIllumination { quality: Quality::Custom(settings), .. } = radiosity(1.0, 3) else { return };
+    let GlobalIllumination { quality: Quality::Custom(settings), .. } = radiosity(1.0, 3) else {
+        panic!("its settings are stated");
+    };
     let quality = Quality::Custom(GiSettings { history: HISTORY, ..settings });
     let light = GlobalIllumination { quality, ..radiosity(1.0, 3) };
     let rested = |stage: &mut Stage| {
