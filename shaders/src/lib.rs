@@ -72,6 +72,7 @@ shaders! {
     "shadow_atlas/baked.wgsl" => ["draw_baked"],
     "shadow_atlas/points.wgsl" => ["place_points"],
     "shadow_atlas/splat.wgsl" => ["splat_points"],
+    "interleaved/brightest.wgsl" => [],
     "interleaved/surface.wgsl" => [],
     "interleaved/tent.wgsl" => [],
     "interleaved/sky.wgsl" => [],

@@ -116,6 +116,31 @@ fn a_furnace_gets_back_what_it_lost_and_no_more() {
     assert!((compensated - 1.0).abs() < 0.06, "{compensated} of the light there can be");
 }
 
+/// Of light that no half float holds, bounded light and what compensation adds to it are half of the largest at most: the sum of both is
+/// a number, and its mean over frames is.
+#[test]
+fn what_is_too_bright_is_a_number() {
+    let bright = GiSettings { history: 8, ..settings(256, SsbcSettings { iterations: 2, ..default() }) };
+    let mut stage = Stage::new(SMALL_SIZE, bright, |app| {
+        app.add_systems(Startup, |mut build: Builder| {
+            let paint = build.materials.add(StandardMaterial { perceptual_roughness: 1.0, ..default() });
+            let [floor, ceiling, back, front, left, right] = std::array::from_fn(|_| paint.clone());
+            build.room(Vec3::splat(-1.5), Vec3::splat(1.5), &Walls { floor, ceiling, back, front, left, right });
+            build.commands.spawn(PointLight { intensity: 1e14, ..default() });
+            let place = Transform::from_xyz(0.3, 0.2, 1.2).looking_at(Vec3::new(-0.2, -0.1, -1.5), Vec3::Y);
+            build.commands.spawn((Camera3d::default(), place));
+        });
+    });
+    let largest = f64::from(half::f16::MAX) * 1.001;
+    for (isolate, share) in [(GiIsolate::Bounded, 0.5), (GiIsolate::Residual, 0.5), (GiIsolate::Irradiance, 1.0)] {
+        let picture = isolated(&mut stage, isolate);
+        let values = picture.pixels.iter().flatten().map(|value| f64::from(*value * Exposure::default().exposure()));
+        let most = values.fold(0f64, |most, value| if value.is_finite() { most.max(value) } else { f64::INFINITY });
+        println!("{isolate:?}: {most:.0} of {largest:.0}");
+        assert!(most > 0.02 * largest && most <= share * largest, "{isolate:?} shows up to {most} of {largest}");
+    }
+}
+
 /// Objects that touch walls and each other, and what is path-traced of them.
 fn corner(settings: GiSettings) -> Option<(Stage, Picture)> {
     let (scene, reference) = shared_reference("corner")?;
