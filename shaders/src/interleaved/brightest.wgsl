@@ -2,6 +2,6 @@
 
 #define_import_path bevy_bounce::interleaved::brightest
 
-/// Half of the largest half float, pre-exposed: of bounded light and of what compensation adds to it, so that the sum of both is a
-/// number.
-const BRIGHTEST: f32 = 32752.0;
+/// Half of the largest half float, pre-exposed: each of bounded light and of what compensation adds to it has as much at most, so that
+/// the sum of both is a number.
+const BRIGHTEST_PART: f32 = 32752.0;

@@ -13,7 +13,7 @@
 #import bevy_bounce::interleaved::surface::{Surface, lens_of, surface_of, toward_eye, texels_shaded, PIXELS_A_TEXEL}
 #import bevy_bounce::interleaved::tent::{Tent, row_mean, column_mean, TENT_FEW, TENT_REACH}
 #ifdef HALF_RESOLUTION
-#import bevy_bounce::interleaved::brightest::BRIGHTEST
+#import bevy_bounce::interleaved::brightest::BRIGHTEST_PART
 #import bevy_bounce::interleaved::gather::{gather_all, gather_sky}
 #endif
 
@@ -32,7 +32,7 @@ fn gathered(surface: Surface) -> vec3<f32> {
 #ifdef SKY_SEEN
     return vec3<f32>(gather_sky(surface, to_eye, 0u, 1u).sky_seen, 0.0);
 #else
-    return min(gather_all(surface, to_eye).light * view.exposure, vec3<f32>(BRIGHTEST));
+    return min(gather_all(surface, to_eye).light * view.exposure, vec3<f32>(BRIGHTEST_PART));
 #endif
 }
 #endif

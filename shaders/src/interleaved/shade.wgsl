@@ -7,7 +7,7 @@
 // Cost: see `gather.wgsl`; a sixteenth of the lights a texel.
 
 #import bevy_render::view::View
-#import bevy_bounce::interleaved::brightest::BRIGHTEST
+#import bevy_bounce::interleaved::brightest::BRIGHTEST_PART
 #import bevy_bounce::interleaved::gather::{gather_subset, Gathered}
 #import bevy_bounce::interleaved::surface::{unpack_surface, toward_eye, texels_shaded, PIXELS_A_TEXEL}
 
@@ -37,7 +37,7 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
     if surface.valid {
         gathered = gather_subset(surface, toward_eye(view, surface.position), offset.y * BLOCK + offset.x);
     }
-    textureStore(output, texel, vec4<f32>(min(gathered.light * view.exposure, vec3<f32>(BRIGHTEST)), 1.0));
+    textureStore(output, texel, vec4<f32>(min(gathered.light * view.exposure, vec3<f32>(BRIGHTEST_PART)), 1.0));
 #ifdef SKY_SEEN
     textureStore(sky_seen, texel, vec4<f32>(gathered.sky_seen, 0.0, 1.0));
 #endif

@@ -19,7 +19,7 @@
 #define_import_path bevy_bounce::ssbc::integrate
 
 #import bevy_pbr::rgb9e5::rgb9e5_to_vec3_
-#import bevy_bounce::interleaved::brightest::BRIGHTEST
+#import bevy_bounce::interleaved::brightest::BRIGHTEST_PART
 #import bevy_bounce::interleaved::surface::{Surface, Lens}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::sampling::PI
@@ -213,5 +213,5 @@ fn residual_light(lens: Lens, surface: Surface, pixel: vec2<u32>) -> vec3<f32> {
         let radiance = rgb9e5_to_vec3_(textureLoad(hierarchy, other, 0).w);
         light += radiance * near_light(lens, surface, bound, other);
     }
-    return clamp(light / PI, vec3<f32>(0.0), vec3<f32>(BRIGHTEST));
+    return clamp(light / PI, vec3<f32>(0.0), vec3<f32>(BRIGHTEST_PART));
 }

@@ -120,7 +120,8 @@ fn a_furnace_gets_back_what_it_lost_and_no_more() {
 /// a number, and its mean over frames is.
 #[test]
 fn what_is_too_bright_is_a_number() {
-    let bright = GiSettings { history: 8, ..settings(256, SsbcSettings { iterations: 2, ..default() }) };
+    let ssbc = SsbcSettings { iterations: 2, ..default() };
+    let bright = GiSettings { history: 8, resolution: Resolution::Half, ..settings(256, ssbc) };
     let mut stage = Stage::new(SMALL_SIZE, bright, |app| {
         app.add_systems(Startup, |mut build: Builder| {
             let paint = build.materials.add(StandardMaterial { perceptual_roughness: 1.0, ..default() });
@@ -131,6 +132,7 @@ fn what_is_too_bright_is_a_number() {
             build.commands.spawn((Camera3d::default(), place));
         });
     });
+    // Pictures are in cd/m^2: there and back rounds.
     let largest = f64::from(half::f16::MAX) * 1.001;
     for (isolate, share) in [(GiIsolate::Bounded, 0.5), (GiIsolate::Residual, 0.5), (GiIsolate::Irradiance, 1.0)] {
         let picture = isolated(&mut stage, isolate);
