@@ -2,9 +2,9 @@
 
 use bevy::math::{Affine3A, UVec3, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
-    BRICK_WORDS, CHUNK_TRIANGLES, Cell, Chunk, Emitter, FURTHER_LEVELS, Grid, GridLevel, Instance, Light,
-    MEETING_WORDS, Material, NONE, OccluderChunk, REGIONS, Region, Scene, THUMBNAIL_SIZE, VERTEX_WORDS, VoxelGroup,
-    VoxelGroups,
+    CHUNK_TRIANGLES, Cell, Chunk, Emitter, FURTHER_LEVELS, Grid, GridLevel, Instance, Light, MEETING_WORDS, Material,
+    NONE, OccluderChunk, Path, REGIONS, Region, Scene, THUMBNAIL_SIZE, UNSETTLED, VERTEX_WORDS, VoxelGroup,
+    VoxelGroups, Vpl, VplParameters,
 };
 use half::f16;
 
@@ -377,16 +377,50 @@ pub fn measure_distances(gpu: &Gpu, grid: &Grid, resources: &Resources) {
     }
 }
 
-/// Sets virtual lights on what their paths met: `count` of the list `vpls`, whose `header` says so.
-pub fn settle(gpu: &Gpu, scene: &TestScene, grid: &Grid, resources: Resources, count: u32) -> Resources {
-    let resources = resources
-        .zeroed("bricks", count_of(grid, 8) * BRICK_WORDS as usize)
-        .zeroed("meetings", (count * MEETING_WORDS) as usize);
+/// Traces paths through the grid of `resources`, which also hold `parameters`, `vertices`, `paths` and `meetings`; each is set on what it met.
+pub fn trace_paths(gpu: &Gpu, scene: &TestScene, grid: &Grid, parameters: &VplParameters, resources: &Resources) {
+    let groups = [parameters.path_count.div_ceil(64), 1, 1];
+    run(gpu, "vpl/trace.wgsl", "start_paths", resources, groups);
+    for bounce in 1..=parameters.max_bounces {
+        if bounce > 1 {
+            run(gpu, "vpl/trace.wgsl", "continue_paths", resources, groups);
+        }
+        settle(gpu, scene, grid, parameters, resources);
+    }
+}
+
+/// Sets vertices on what their paths met, and reflects them there.
+pub fn settle(gpu: &Gpu, scene: &TestScene, grid: &Grid, parameters: &VplParameters, resources: &Resources) {
+    let resources = &resources.clone().zeroed("way_heads", leap_count(grid));
+    let groups = [parameters.path_count.div_ceil(64), 1, 1];
     let chunks = scene.chunks(|_| true).len() as u32;
-    run(gpu, "vpl/places.wgsl", "file_lights", &resources, [count.div_ceil(64), 1, 1]);
-    run(gpu, "vpl/settle.wgsl", "meet_triangles", &resources, [chunks, 1, 1]);
-    run(gpu, "vpl/places.wgsl", "set_lights", &resources, [count.div_ceil(64), 1, 1]);
-    resources
+    run(gpu, "vpl/places.wgsl", "file_ways", resources, groups);
+    if chunks > 0 {
+        run(gpu, "vpl/settle.wgsl", "meet_triangles", resources, [chunks, 1, 1]);
+    }
+    run(gpu, "vpl/places.wgsl", "set_vertices", resources, groups);
+}
+
+/// Virtual lights of a white scene that paths brought to where they are, set on what these met; what is emitted stays.
+pub fn settled(gpu: &Gpu, scene: &TestScene, grid: &Grid, vpls: &[Vpl]) -> Vec<Vpl> {
+    let path_count = vpls.len() as u32;
+    let parameters = VplParameters { path_count, max_bounces: 1, ..Default::default() };
+    let path = |vpl: &Vpl| Path { length: 0, first_bounce: 1, first: if vpl.bounce() > 0 { 1 | UNSETTLED } else { 0 } };
+    let white = Cell { albedo: u32::MAX, ..Default::default() };
+    let slots = |vpl: &Vpl| [Vpl { bounce_met: 0, ..*vpl }, Vpl::default()];
+    let resources = scene
+        .resources(gpu)
+        .uniform("grid", grid)
+        .uniform("voxel_groups", &VoxelGroups::default())
+        .zeroed("voxels", 1)
+        .structs("cells", &[white])
+        .uniform("parameters", &parameters)
+        .structs("paths", &vpls.iter().map(path).collect::<Vec<_>>())
+        .structs("vertices", &vpls.iter().flat_map(slots).collect::<Vec<_>>())
+        .zeroed("meetings", (path_count * MEETING_WORDS) as usize);
+    settle(gpu, scene, grid, &parameters, &resources);
+    let vertices: Vec<Vpl> = resources.read_structs("vertices").unwrap_or_else(|error| panic!("{error}"));
+    vertices.into_iter().step_by(2).collect()
 }
 
 /// Words of a vertex, for tests that reach into the geometry.

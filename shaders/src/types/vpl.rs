@@ -8,7 +8,8 @@ use bevy::render::render_resource::ShaderType;
 pub struct Vpl {
     /// World position.
     pub position: Vec3,
-    /// Bounces behind it, 0 on an emissive surface; the highest bit is set where its light met a surface.
+    /// Bounces behind it, 0 on an emissive surface; the highest bit is set where its light met a surface. While it is
+    /// [`UNSETTLED`], the cell that was met.
     pub bounce_met: u32,
     /// Unit normal.
     pub normal: Vec3,
@@ -32,14 +33,13 @@ impl Vpl {
     }
 }
 
-/// Words known of a brick of the grid: lights times 2^15; the first light filed under it, counted from 1; candidates
-/// whose light falls into it, and of these those whose light meets something from there; area of the groups in it, in 1/256
-/// voxel faces.
-pub const BRICK_WORDS: u32 = 5;
+/// Words known of a brick of the grid: lights times 2^15; candidates whose light falls into it, and of these those whose light
+/// meets something from there; area of the groups in it, in 1/256 voxel faces.
+pub const BRICK_WORDS: u32 = 4;
 /// Places of which a path from a directional light starts at one.
 pub const CANDIDATES: u32 = 8;
-/// Words a virtual light has for what its path met: distance and normal; the next light of its brick, counted from 1.
-pub const MEETING_WORDS: u32 = 2;
+/// Words a path has for what it met. See `vpl/ways.wgsl`.
+pub const MEETING_WORDS: u32 = 13;
 
 /// A path that was traced.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
@@ -48,9 +48,12 @@ pub struct Path {
     pub length: u32,
     /// Bounce of the first one: 0 on an emissive surface, else 1.
     pub first_bounce: u32,
-    /// Vertices of the paths before it.
+    /// While it is traced, the bounces that are left to it, and [`UNSETTLED`]; then, vertices of the paths before it.
     pub first: u32,
 }
+
+/// Bit of [`Path::first`]: a vertex more is where the grid was met, and not yet set on a surface.
+pub const UNSETTLED: u32 = 1 << 31;
 
 /// An emissive triangle as an area light.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]

@@ -25,7 +25,6 @@ const DIMENSION_DIRECTION: u32 = 2u;
 const DIMENSION_PROMISE: u32 = 3u;
 const DIMENSION_CHOICE: u32 = 4u;
 const DIMENSION_PATCH: u32 = 5u;
-const DIMENSION_BOUNCE: u32 = 8u;
 
 /// Edge of the part of a moving region that the candidates of a path are in.
 const PATCH: f32 = 0.25;

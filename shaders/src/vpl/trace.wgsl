@@ -2,27 +2,31 @@
 // Keller 1997, Bashford-Rogers et al. 2012, III-B.
 //
 // Lights share the paths by power (`starts.wgsl`); a path is reflected with the probability of the surface's albedo
-// (the largest of red, green and blue), so that all virtual lights carry about the same flux, but for those of directional
+// (the largest of red, green and blue; `places.wgsl`), so that all virtual lights carry about the same flux, but for those of directional
 // lights: see `start_directional`. The paths of a light follow a sequence of its own, the same every frame.
 //
 // Where the scene has regions (see `Scene`), paths of directional lights start in each: as many as its weight and the area that is
 // lit there say, so that most are near the cameras.
 //
+// A dispatch is a bounce: between two of them vertices are set on the triangles that paths met (`settle.wgsl`), near where they met
+// the grid and near where they started, and light goes on from there. Between the planes of voxels it would come into closed things, and
+// light them from within instead of what is near it.
+//
 // Cost: one thread a path; a ray through the grid a bounce, and 24 loads for a path from a directional light.
 
 #import bevy_bounce::shared::grid::{grid_level, level_at, brick_at}
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_area, rect_point}
-#import bevy_bounce::shared::rays::{grid, cells, trace, to_grid, to_world, Ray}
+#import bevy_bounce::shared::rays::{grid, trace, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::{
     sample_square, waiting_time, cosine_direction, cone_direction, triangle_point, PI,
 }
 #import bevy_bounce::shared::scene::{Light, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT}
 #import bevy_bounce::vpl::starts::{
     parameters, lights, emitters, bricks, candidates, Source, source_of, choose_region, start_on_region, start_density,
-    weighted_area, DIMENSION_LIGHT, DIMENSION_POSITION, DIMENSION_DIRECTION, DIMENSION_BOUNCE, PATH_GAP,
+    weighted_area, DIMENSION_LIGHT, DIMENSION_POSITION, DIMENSION_DIRECTION, PATH_GAP,
 }
 #import bevy_bounce::vpl::types::{
-    Vpl, Path, MET, BRICK_WORDS, BRICK_TRIED, BRICK_ONWARD, CANDIDATES, SETTLE_RANGE, vertex_slot, pack_incoming,
+    Vpl, Path, MET, UNSETTLED, NO_CELL, DIMENSION_BOUNCE, BRICK_WORDS, BRICK_TRIED, BRICK_ONWARD, CANDIDATES, SETTLE_RANGE, vertex_slot, pack_incoming,
 }
 
 // Path by path, `max_bounces` + 1 slots each.
@@ -138,72 +142,84 @@ fn store(slot: u32, bounce_met: u32, photon: Photon, sample: u32, incoming: u32)
     vertices[slot] = Vpl(photon.position, bounce_met, photon.normal, sample, photon.flux, incoming);
 }
 
-fn follow(path: u32, sample: u32, start: Photon) -> u32 {
+// To where the grid is met; `left`: bounces that are left to the path.
+fn follow(path: u32, sample: u32, start: Photon, left: u32) {
+    let count = paths[path].length;
+    let from_surface = count > 0u;
+    paths[path].first = 0u;
+    if left == 0u {
+        return;
+    }
     var photon = start;
-    var count = 0u;
-    if photon.on_surface {
-        store(vertex_slot(parameters, path, 0u), 0u, photon, sample, pack_incoming(-photon.normal, PATH_GAP));
-        count = 1u;
+    var ray: Ray;
+    ray.origin = to_grid(photon.position);
+    ray.direction = photon.direction;
+    ray.length = 1e6;
+    ray.start_normal = photon.normal;
+    ray.end_normal = vec3<f32>(0.0);
+    // What is nearer is met by its triangles.
+    ray.gap = select(PATH_GAP, SETTLE_RANGE, from_surface);
+    let hit = trace(ray);
+    if !hit.found && !from_surface {
+        return;
     }
-    let bounces = min(parameters.max_bounces, photon.max_bounces);
-    for (var bounce = 1u; bounce <= bounces; bounce++) {
-        var ray: Ray;
-        ray.origin = to_grid(photon.position);
-        ray.direction = photon.direction;
-        ray.length = 1e6;
-        ray.start_normal = photon.normal;
-        ray.end_normal = vec3<f32>(0.0);
-        ray.gap = PATH_GAP;
-        let hit = trace(ray);
-        if !hit.found {
-            break;
-        }
-        if count > 0u {
-            vertices[vertex_slot(parameters, path, count - 1u)].bounce_met = (bounce - 1u) | MET;
-        }
-        let cell = cells[hit.cell];
-        let albedo = unpack4x8unorm(cell.albedo).rgb;
-        let survival = max(albedo.r, max(albedo.g, albedo.b));
-        let square = sample_square(sample, DIMENSION_BOUNCE + 2u * bounce);
-        if square.x >= survival {
-            break;
-        }
-        photon.flux *= albedo / survival;
+    var cell = NO_CELL;
+    if hit.found {
+        cell = hit.cell;
         photon.position = to_world(ray.origin + ray.direction * hit.t);
-        if bounce == 1u {
-            let way = photon.position - photon.center;
-            photon.flux *= range_window(photon.range, dot(way, way));
-        }
         photon.normal = hit.normal;
-        // Where the last one's light goes is not looked at.
-        let onward = select(0u, MET, bounce == bounces);
-        let level = grid_level(grid, level_at(grid, photon.position));
-        let way = hit.t * grid.voxel_size / level.voxel_size;
-        let incoming = pack_incoming(photon.direction, min(way, SETTLE_RANGE));
-        store(vertex_slot(parameters, path, count), bounce | onward, photon, sample, incoming);
-        count++;
-        photon.direction = cosine_direction(photon.normal, sample_square(sample, DIMENSION_BOUNCE + 2u * bounce + 1u));
     }
-    return count;
+    if !from_surface {
+        let way = photon.position - photon.center;
+        photon.flux *= range_window(photon.range, dot(way, way));
+    }
+    let level = grid_level(grid, level_at(grid, photon.position));
+    let way = hit.t * grid.voxel_size / level.voxel_size;
+    let incoming = pack_incoming(photon.direction, min(way, SETTLE_RANGE));
+    store(vertex_slot(parameters, path, count), cell, photon, sample, incoming);
+    paths[path].first = left | UNSETTLED;
 }
 
 @compute @workgroup_size(64)
-fn trace_paths(@builtin(global_invocation_id) id: vec3<u32>) {
+fn start_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     let path = id.x;
     if path >= parameters.path_count {
         return;
     }
+    paths[path] = Path(0u, 1u, 0u);
     let source = source_of(path);
     if !source.found {
-        paths[path] = Path(0u, 0u, 0u);
         return;
     }
     var photon: Photon;
     if source.is_emitter {
         photon = start_at_emitter(source);
+        let incoming = pack_incoming(-photon.normal, PATH_GAP);
+        store(vertex_slot(parameters, path, 0u), 0u, photon, source.sample, incoming);
+        paths[path] = Path(1u, 0u, 0u);
     } else {
         photon = start_at_light(source, path);
     }
-    let count = follow(path, source.sample, photon);
-    paths[path] = Path(count, select(1u, 0u, photon.on_surface), 0u);
+    follow(path, source.sample, photon, min(parameters.max_bounces, photon.max_bounces));
+}
+
+// From the surface that the last vertex was set on.
+@compute @workgroup_size(64)
+fn continue_paths(@builtin(global_invocation_id) id: vec3<u32>) {
+    let path = id.x;
+    if path >= parameters.path_count {
+        return;
+    }
+    let left = paths[path].first;
+    if left == 0u {
+        return;
+    }
+    let vertex = vertices[vertex_slot(parameters, path, paths[path].length - 1u)];
+    let square = sample_square(vertex.sample, DIMENSION_BOUNCE + 2u * (vertex.bounce_met & ~MET) + 1u);
+    var photon: Photon;
+    photon.position = vertex.position;
+    photon.normal = vertex.normal;
+    photon.direction = cosine_direction(vertex.normal, square);
+    photon.flux = vertex.flux;
+    follow(path, vertex.sample, photon, left);
 }

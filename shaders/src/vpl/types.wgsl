@@ -7,7 +7,7 @@
 
 struct Vpl {
     position: vec3<f32>,
-    // Bounces behind it; `MET` where its light met a surface.
+    // Bounces behind it; `MET` where its light met a surface. While it is unsettled, the cell that was met.
     bounce_met: u32,
     normal: vec3<f32>,
     // Of the sequence that its path follows: the same while its light is there.
@@ -17,7 +17,7 @@ struct Vpl {
     incoming: u32,
 }
 
-/// Voxels before and behind the plane of the grid within which the surface may be that a light met in truth.
+/// Voxels before and behind the plane of the grid within which the surface may be that a path met in truth.
 const SETTLE_RANGE: f32 = 1.5;
 
 /// Direction of the light that is reflected, and how far it had come without meeting anything, voxels.
@@ -36,22 +36,22 @@ fn incoming_reach(word: u32) -> f32 {
 /// Bit of [`Vpl::bounce_met`].
 const MET: u32 = 0x80000000u;
 
+/// Of the sequence that a path follows, the first dimension of what happens where it is reflected, two a bounce.
+const DIMENSION_BOUNCE: u32 = 8u;
+
 /// Places of which a path from a directional light starts at one.
 const CANDIDATES: u32 = 8u;
 
-/// What is known of a brick, in words: lights, in fixed point; the first of the lights that are filed under it, counted
-/// from 1; candidates whose light falls into it; those of them whose light goes on to meet something; area of the groups in it, in
-/// `1 / BRICK_AREA_STEPS` voxel faces.
-const BRICK_WORDS: u32 = 5u;
+/// What is known of a brick, in words: lights, in fixed point; candidates whose light falls into it; those of them whose light
+/// goes on to meet something; area of the groups in it, in `1 / BRICK_AREA_STEPS` voxel faces.
+const BRICK_WORDS: u32 = 4u;
 const BRICK_LIGHTS: u32 = 0u;
-const BRICK_FIRST: u32 = 1u;
-const BRICK_TRIED: u32 = 2u;
-const BRICK_ONWARD: u32 = 3u;
-const BRICK_AREA: u32 = 4u;
+const BRICK_TRIED: u32 = 1u;
+const BRICK_ONWARD: u32 = 2u;
+const BRICK_AREA: u32 = 3u;
 const BRICK_AREA_STEPS: f32 = 65536.0;
 
-/// Words a light has for what its path met.
-const MEETING_WORDS: u32 = 2u;
+/// In place of what a path met.
 const MEETING_NONE: u32 = 0xffffffffu;
 /// Steps of the distance at which it did.
 const MEETING_STEPS: f32 = 65534.0;
@@ -87,8 +87,14 @@ fn first_key_of_grid(grid: u32) -> u32 {
 struct Path {
     length: u32,
     first_bounce: u32,
+    // While it is traced, the bounces that are left to it, and `UNSETTLED`; then, vertices of the paths before it.
     first: u32,
 }
+
+/// Bit of `Path::first`: a vertex more is where the grid was met, and not yet set on a surface.
+const UNSETTLED: u32 = 0x80000000u;
+/// In place of the cell of such a vertex, where the grid was not met.
+const NO_CELL: u32 = 0xffffffffu;
 
 struct Emitter {
     position: vec3<f32>,

@@ -3,14 +3,14 @@
 use bevy::math::Vec3;
 use bevy_bounce::VplVisibility;
 use bevy_bounce_shaders::types::{
-    AtlasParameters, BRICK_WORDS, CANDIDATES, Grid, HILBERT_BITS, Instance, NODE_STEPS, Occluder, POINT_SUBSETS, Path,
-    SurfacePoint, Vpl, VplHeader, VplParameters, WorldPoint,
+    AtlasParameters, BRICK_WORDS, CANDIDATES, Grid, HILBERT_BITS, Instance, MEETING_WORDS, NODE_STEPS, Occluder,
+    POINT_SUBSETS, Path, SurfacePoint, Vpl, VplHeader, VplParameters, WorldPoint,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::glb::{self, GlbScene};
 use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::references::shared_file;
-use bevy_bounce_tests::scene::{TestScene, run, settle, voxelize};
+use bevy_bounce_tests::scene::{TestScene, run, trace_paths, voxelize};
 use bevy_bounce_tests::twins::random::Random;
 
 use crate::sort::radix_sort;
@@ -48,8 +48,8 @@ fn grid(scene: &TestScene) -> Grid {
     }
 }
 
-/// The list of virtual lights of a scene, and the shadow map of each.
-fn light_up(scene: &TestScene, grid: &Grid) -> Resources {
+/// The list of virtual lights of a scene.
+fn light_up(scene: &TestScene, grid: &Grid, trace: Trace) -> Resources {
     let parameters = VplParameters { capacity: LIGHTS, path_count: PATHS, max_bounces: BOUNCES, bound_scale: 1.0 };
     let slots = (PATHS * (BOUNCES + 1)) as usize;
     let bricks = grid.dims.map(|voxels| voxels.div_ceil(8)).element_product() as usize;
@@ -59,6 +59,7 @@ fn light_up(scene: &TestScene, grid: &Grid) -> Resources {
         .structs("paths", &vec![Path::default(); PATHS as usize])
         .zeroed("bricks", bricks * BRICK_WORDS as usize)
         .zeroed("candidates", (PATHS * CANDIDATES) as usize)
+        .zeroed("meetings", (PATHS * MEETING_WORDS) as usize)
         .structs("vpls", &vec![Vpl::default(); LIGHTS as usize])
         .structs("header", &[VplHeader::default()])
         .zeroed("vertex_count", 1)
@@ -68,7 +69,7 @@ fn light_up(scene: &TestScene, grid: &Grid) -> Resources {
         .zeroed("steps", NODE_STEPS as usize)
         .zeroed("firsts", LIGHTS as usize + 1);
     run(gpu(), "vpl/look_ahead.wgsl", "look_ahead", &resources, [PATHS * CANDIDATES / 64, 1, 1]);
-    run(gpu(), "vpl/trace.wgsl", "trace_paths", &resources, [PATHS.div_ceil(64), 1, 1]);
+    trace(scene, grid, &parameters, &resources);
     run(gpu(), "vpl/order.wgsl", "scan_paths", &resources, [1, 1, 1]);
     run(gpu(), "vpl/order.wgsl", "write_pairs", &resources, [PATHS.div_ceil(64), 1, 1]);
     let count = resources.read_words("vertex_count").expect("reads back")[0] as usize;
@@ -80,6 +81,17 @@ fn light_up(scene: &TestScene, grid: &Grid) -> Resources {
     run(gpu(), "vpl/cuts.wgsl", "cut", &resources, [1, 1, 1]);
     run(gpu(), "vpl/list.wgsl", "build_list", &resources, [LIGHTS.div_ceil(64), 1, 1]);
     resources
+}
+
+type Trace = fn(&TestScene, &Grid, &VplParameters, &Resources);
+
+fn trace_and_settle(scene: &TestScene, grid: &Grid, parameters: &VplParameters, resources: &Resources) {
+    trace_paths(gpu(), scene, grid, parameters, resources);
+}
+
+/// From voxel to voxel.
+fn trace_alone(_: &TestScene, grid: &Grid, parameters: &VplParameters, resources: &Resources) {
+    trace_paths(gpu(), &TestScene::default(), grid, parameters, resources);
 }
 
 /// What lights see by.
@@ -250,7 +262,7 @@ impl Trial {
     fn new(name: &'static str) -> Option<Self> {
         let glb = glb::read(&shared_file(&format!("scenes/{name}.glb"))?).expect("a scene");
         let grid = grid(&glb.scene);
-        let resources = settle(gpu(), &glb.scene, &grid, light_up(&glb.scene, &grid), LIGHTS);
+        let resources = light_up(&glb.scene, &grid, trace_and_settle);
         let header: VplHeader = resources.read_structs("header").expect("reads back")[0];
         let mut vpls: Vec<Vpl> = resources.read_structs("vpls").expect("reads back");
         vpls.truncate(header.count as usize);
@@ -288,7 +300,7 @@ impl Trial {
 #[test]
 fn lights_agree_with_exact_rays_in_scenes() {
     // A texel of 32 x 32 is up to six degrees wide: in a church of columns and ledges as much is hidden by chance as is seen.
-    for (name, least, least_by_points) in [("corner", 0.97, 0.93), ("sibenik", 0.89, 0.77)] {
+    for (name, least, least_by_points) in [("corner", 0.97, 0.93), ("sibenik", 0.88, 0.77)] {
         let Some(trial) = Trial::new(name) else { return };
         let [atlas, ism, voxel] = KINDS.map(|kind| trial.shipped(kind, TILE));
         let ideal = trial.ideal(TILE);
@@ -317,7 +329,7 @@ fn maps_agree_by_the_size_of_their_tiles() {
 }
 
 #[test]
-#[ignore = "maps of points agree in 79 % of sibenik, those of triangles in 90 %, as exact texels would; those agree in 97 % from 256 x 256 on"]
+#[ignore = "maps of points agree in 81 % of sibenik, those of triangles in 89 %, as exact texels would; those agree in 97 % from 256 x 256 on"]
 fn maps_agree_with_exact_rays_in_a_church() {
     let Some(trial) = Trial::new("sibenik") else { return };
     let (atlas, ism) = (trial.shipped(VplVisibility::Atlas, TILE), trial.shipped(VplVisibility::Ism, TILE));
@@ -349,9 +361,8 @@ fn lights_settle_on_what_their_path_met() {
         }
         near / all
     };
-    let resources = light_up(&glb.scene, &grid);
-    let before = buried(&resources);
-    let after = buried(&settle(gpu(), &glb.scene, &grid, resources, LIGHTS));
+    let [before, after] =
+        [trace_alone as Trace, trace_and_settle].map(|trace| buried(&light_up(&glb.scene, &grid, trace)));
     println!("near surfaces is {before:.3} of the light before, in {after:.3} after");
-    assert!(before > 0.25 && after < 0.17, "{before} before, {after} after");
+    assert!(before > 0.2 && after < 0.14, "{before} before, {after} after");
 }

@@ -8,11 +8,11 @@ use std::f32::consts::PI;
 use bevy::math::{Affine3A, Quat, Vec3};
 use bevy_bounce_shaders::types::{
     BRICK_WORDS, CANDIDATES, Grid, HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPOT, Light,
-    NODE_STEPS, Path, Vpl, VplHeader, VplParameters,
+    MEETING_WORDS, NODE_STEPS, Path, Vpl, VplHeader, VplParameters,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
-use bevy_bounce_tests::scene::{TestScene, add_groups, count_of, cuboid, run, voxelize};
+use bevy_bounce_tests::scene::{TestScene, add_groups, count_of, cuboid, run, trace_paths, voxelize};
 use bevy_bounce_tests::twins::random::Random;
 
 use crate::sort::radix_sort;
@@ -28,7 +28,7 @@ pub struct Traced {
 }
 
 impl Traced {
-    fn new(scene: &TestScene, voxel_size: f32, max_bounces: u32) -> Self {
+    pub fn new(scene: &TestScene, voxel_size: f32, max_bounces: u32) -> Self {
         Self::through(scene, scene.grid(voxel_size), max_bounces)
     }
 
@@ -53,6 +53,7 @@ impl Traced {
             .structs("paths", &vec![Path::default(); PATHS as usize])
             .zeroed("bricks", bricks * BRICK_WORDS as usize)
             .zeroed("candidates", (PATHS * CANDIDATES) as usize)
+            .zeroed("meetings", (PATHS * MEETING_WORDS) as usize)
             .structs("vpls", &vec![Vpl::default(); parameters.capacity as usize])
             .structs("header", &[VplHeader::default()]);
         let emissive = scene.chunks(|i| scene.materials[i.material as usize].emissive != Vec3::ZERO).len() as u32;
@@ -61,7 +62,7 @@ impl Traced {
             run(gpu(), "vpl/emitters.wgsl", "accumulate", &resources, [1, 1, 1]);
         }
         run(gpu(), "vpl/look_ahead.wgsl", "look_ahead", &resources, [PATHS * CANDIDATES / 64, 1, 1]);
-        run(gpu(), "vpl/trace.wgsl", "trace_paths", &resources, [PATHS.div_ceil(64), 1, 1]);
+        trace_paths(gpu(), scene, &grid, &parameters, &resources);
         let paths = resources.read_structs("paths").expect("reads back");
         let vertices = resources.read_structs("vertices").expect("reads back");
         Self { parameters, grid, vertices, paths, resources }
@@ -129,7 +130,7 @@ impl Traced {
     }
 }
 
-fn point_light(position: Vec3, candela: Vec3) -> Light {
+pub fn point_light(position: Vec3, candela: Vec3) -> Light {
     let cumulative_power = 4.0 * PI * candela.dot(Vec3::new(0.2126, 0.7152, 0.0722));
     Light { position, kind: LIGHT_POINT, color: candela, cumulative_power, max_bounces: u32::MAX, ..Default::default() }
 }

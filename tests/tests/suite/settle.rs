@@ -1,10 +1,13 @@
 //! Virtual lights are set on the first surface that their path met.
 
-use bevy::math::{Affine3A, Vec3, Vec4};
-use bevy_bounce_shaders::types::{INSTANCE_TWO_SIDED, Material, Vpl, VplHeader};
-use bevy_bounce_tests::gpu::gpu;
-use bevy_bounce_tests::scene::{TestScene, settle};
+use std::f32::consts::{PI, TAU};
 
+use bevy::math::{Affine3A, Vec3, Vec4};
+use bevy_bounce_shaders::types::{INSTANCE_TWO_SIDED, Material, Vpl};
+use bevy_bounce_tests::gpu::gpu;
+use bevy_bounce_tests::scene::{TestScene, settled};
+
+use crate::paths::{Traced, point_light};
 use crate::shadow_atlas::pack_incoming;
 
 const VOXEL: f32 = 0.2;
@@ -32,9 +35,8 @@ fn scene() -> TestScene {
 }
 
 /// Lights whose paths came down, freely for so many voxels, where they are put.
-fn settled(lights: &[(Vec3, f32, u32)]) -> Vec<Vpl> {
+fn set(lights: &[(Vec3, f32, u32)]) -> Vec<Vpl> {
     let scene = scene();
-    let grid = scene.grid(VOXEL);
     let vpls: Vec<Vpl> = lights
         .iter()
         .map(|&(position, reach, bounce_met)| Vpl {
@@ -45,13 +47,7 @@ fn settled(lights: &[(Vec3, f32, u32)]) -> Vec<Vpl> {
             ..Vpl::default()
         })
         .collect();
-    let count = vpls.len() as u32;
-    let resources = scene
-        .resources(gpu())
-        .uniform("grid", &grid)
-        .structs("vpls", &vpls)
-        .structs("header", &[VplHeader { count, ..VplHeader::default() }]);
-    settle(gpu(), &scene, &grid, resources, count).read_structs("vpls").expect("reads back")
+    settled(gpu(), &scene, &scene.grid(VOXEL), &vpls)
 }
 
 #[test]
@@ -59,7 +55,7 @@ fn lights_are_set_on_the_first_surface_that_shows_its_front() {
     // On the floor, on a square over it, through one that is masked out, through the back of one, on one with two sides.
     let heights = [(-5.0, 0.0), (-3.0, 0.1), (-1.0, 0.0), (1.0, 0.0), (3.0, 0.1)];
     let lights = heights.map(|(x, _)| (Vec3::new(x, 0.05, 0.1), 1.5, 1));
-    for (vpl, (x, height)) in settled(&lights).iter().zip(heights) {
+    for (vpl, (x, height)) in set(&lights).iter().zip(heights) {
         let place = Vec3::new(x, height, 0.1);
         assert!((vpl.position - place).length() < 1e-4 * VOXEL + 1e-6, "{} instead of {place}", vpl.position);
         assert!(vpl.normal.distance(Vec3::Y) < 1e-3, "{x}: normal {}", vpl.normal);
@@ -79,9 +75,56 @@ fn lights_stay_where_nothing_is_near() {
         // On an emissive surface.
         (Vec3::new(-3.0, 0.05, 0.1), 1.5, 0),
     ];
-    let found = settled(&lights);
+    let found = set(&lights);
     for index in [0, 1, 3] {
         assert_eq!((found[index].position, found[index].normal), (lights[index].0, Vec3::X), "light {index}");
     }
     assert!((found[2].position.y).abs() < 1e-4, "{} is not on the floor", found[2].position);
+}
+
+/// A closed shell, seen from both sides: an ellipsoid.
+fn cushion(center: Vec3, radii: Vec3) -> Vec<[Vec3; 3]> {
+    const AROUND: u32 = 24;
+    const ALONG: u32 = 12;
+    let at = |i: u32, j: u32| {
+        let (turn, height) = (TAU * (i % AROUND) as f32 / AROUND as f32, PI * j as f32 / ALONG as f32);
+        center + radii * Vec3::new(height.sin() * turn.cos(), height.cos(), height.sin() * turn.sin())
+    };
+    let quads = (0..AROUND).flat_map(|i| (0..ALONG).map(move |j| (i, j)));
+    quads
+        .flat_map(|(i, j)| {
+            let [a, b, c, d] = [at(i, j), at(i, j + 1), at(i + 1, j + 1), at(i + 1, j)];
+            [[a, b, c], [a, c, d]]
+        })
+        .filter(|[a, b, c]| (*b - *a).cross(*c - *a).length() > 1e-6)
+        .collect()
+}
+
+/// Cushions on a floor, which touch each other, under a lamp: what bounces between them lights none from within.
+#[test]
+fn no_light_comes_into_closed_things() {
+    let mut scene = TestScene::new(Vec3::splat(0.8));
+    scene.room(Vec3::new(-3.0, 0.0, -3.0), Vec3::new(3.0, 3.0, 3.0));
+    let radii = Vec3::new(0.8, 0.3, 0.6);
+    let centers =
+        [[-1.3, 0.3, 0.0], [0.0, 0.3, 0.3], [1.25, 0.3, -0.2], [-0.6, 0.8, 0.0], [0.7, 0.8, 0.1]].map(Vec3::from);
+    for center in centers {
+        scene.mesh(&cushion(center, radii), 0, INSTANCE_TWO_SIDED, Affine3A::IDENTITY);
+    }
+    scene.lights.push(point_light(Vec3::new(0.3, 2.5, 0.4), Vec3::splat(100.0)));
+    let traced = Traced::new(&scene, VOXEL, 4);
+    let mut flux = [[0.0; 2]; 5];
+    for vertex in traced.all() {
+        let is_within = centers.iter().any(|center| ((vertex.position - *center) / radii).length() < 0.97)
+            || centers.iter().any(|center| {
+                let off = (vertex.position - *center) / radii;
+                off.length() < 1.02 && vertex.normal.dot(off / radii) < 0.0
+            });
+        flux[vertex.bounce() as usize][usize::from(is_within)] += vertex.flux.y;
+    }
+    for (bounce, [without, within]) in flux.iter().enumerate().skip(1) {
+        let share = within / (without + within);
+        println!("bounce {bounce}: {share:.4} of the light within cushions");
+        assert!(share < 0.01, "bounce {bounce}: {share} of the light within cushions");
+    }
 }

@@ -4,7 +4,7 @@ use bevy::math::{Affine3A, EulerRot, Quat, Vec2, Vec3};
 use bevy_bounce_shaders::types::{AtlasParameters, Occluder, TILE_EMPTY, Vpl, VplHeader};
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
-use bevy_bounce_tests::scene::{TestScene, cuboid, run, settle};
+use bevy_bounce_tests::scene::{TestScene, cuboid, run, settled};
 use bevy_bounce_tests::twins::random::Random;
 
 const TILE: u32 = 32;
@@ -70,8 +70,9 @@ fn draw_coarse(
             ..Vpl::default()
         })
         .collect();
-    let header = VplHeader { count: vpls.len() as u32, ..VplHeader::default() };
     let grid = scene.grid(VOXEL);
+    let vpls = settled(gpu(), scene, &grid, &vpls);
+    let header = VplHeader { count: vpls.len() as u32, ..VplHeader::default() };
     let resources = scene
         .resources(gpu())
         .uniform("parameters", &parameters)
@@ -81,7 +82,6 @@ fn draw_coarse(
         .structs("header", &[header])
         .structs("vpls", &vpls)
         .zeroed("atlas", vpls.len() * (TILE * TILE) as usize);
-    let resources = settle(gpu(), scene, &grid, resources, header.count);
     run(gpu(), "shadow_atlas/occluders.wgsl", "place_occluders", &resources, [chunks.len() as u32, 1, 1]);
     run(gpu(), "shadow_atlas/rasterize.wgsl", "rasterize", &resources, [vpls.len() as u32, 1, 1]);
     resources

@@ -12,10 +12,11 @@
 //! | `starts` | 416 KiB | what the vertices before each weigh |
 //! | `nodes`, `steps` | 420 KiB | where the order may be cut, and how often each error of a node occurs |
 //! | `firsts` | 4 KiB | first vertex of each light |
-//! | `bricks` | 10 KiB | lights in each brick of the grid, the first of the lights filed under it, what light from the candidates falls into it, and area of groups |
+//! | `bricks` | 8 KiB | lights in each brick of the grid, what light from the candidates falls into it, and area of groups |
 //! | `densities` | 4 KiB | lights and area of the surfaces in each brick |
 //! | `vpls` | 48 KiB | the list: position, normal, flux |
-//! | `meetings` | 8 KiB | which surface the path of each light met |
+//! | `meetings` | 416 KiB | which surface each path met, near where it met the grid and near its start; lists of what else is filed where |
+//! | `way_heads` | 128 KiB at 64^3 voxels | the first of the ways filed under each block of 2^3 voxels |
 //! | `header` | 80 B | where each of the sixteen subsets begins, paths, mean bound of the geometry term |
 //! | `emitters` | 80 B a triangle | emissive triangles and the running sum of their power |
 //!
@@ -29,7 +30,8 @@
 //! all vertices carry about the same flux, and at a greatest length. Eight times as many paths are traced as there are lights in
 //! the list; their vertices are sorted by facing and along a Hilbert curve and cut into runs, one light each: see
 //! `vpl/cuts.wgsl`. Paths from suns and from the sky start at one of eight places, more often where they go on to meet
-//! something: see `vpl/starts.wgsl`. Lights are then set on the triangles that their paths met: see `vpl/settle.wgsl`.
+//! something: see `vpl/starts.wgsl`. Where they are reflected they are set on the triangles that they met, and go on from there:
+//! see `vpl/settle.wgsl`.
 
 mod counters;
 mod passes;

@@ -76,7 +76,7 @@ pub(super) fn trace_vpls(
         whole(&vpl.paths),
     ];
     let ahead = p.look_ahead.bind(&device, &cache, &trace_bindings[..6]);
-    let trace = p.trace_paths.bind(&device, &cache, &trace_bindings);
+    let trace = p.start_paths.bind(&device, &cache, &trace_bindings);
     let order = p.scan_paths.bind(
         &device,
         &cache,
@@ -124,10 +124,16 @@ pub(super) fn trace_vpls(
             whole(&vpl.bricks),
         ],
     );
-    let places = p.file_lights.bind(
+    let places = p.file_ways.bind(
         &device,
         &cache,
-        &[grid_uniform.clone(), whole(&vpl.header), whole(&vpl.vpls), whole(&vpl.bricks), whole(&vpl.meetings)],
+        &[
+            parameters.clone(),
+            whole(&vpl.paths),
+            whole(vpl.vertices(&grid)),
+            whole(&vpl.way_heads),
+            whole(&vpl.meetings),
+        ],
     );
     let settle = p.meet_triangles.bind(
         &device,
@@ -140,8 +146,8 @@ pub(super) fn trace_vpls(
             grid_uniform,
             scene_uniform,
             whole(&scene.chunks),
-            whole(&vpl.vpls),
-            whole(&vpl.bricks),
+            whole(vpl.vertices(&grid)),
+            whole(&vpl.way_heads),
             whole(&vpl.meetings),
         ],
     );
@@ -165,7 +171,16 @@ pub(super) fn trace_vpls(
         let candidates = path_count * CANDIDATES;
         p.look_ahead.dispatch(encoder, &cache, &[&ahead, &grid_group], folded(candidates.div_ceil(GROUP)));
     }
-    p.trace_paths.dispatch(encoder, &cache, &[&trace, &grid_group], groups(path_count));
+    p.start_paths.dispatch(encoder, &cache, &[&trace, &grid_group], groups(path_count));
+    for bounce in 1..=max_bounces {
+        if bounce > 1 {
+            p.continue_paths.dispatch(encoder, &cache, &[&trace, &grid_group], groups(path_count));
+        }
+        encoder.clear_buffer(&vpl.way_heads, 0, None);
+        p.file_ways.dispatch(encoder, &cache, &[&places, &grid_group], groups(path_count));
+        p.meet_triangles.dispatch(encoder, &cache, &[&settle], folded(scene.chunk_count()));
+        p.set_vertices.dispatch(encoder, &cache, &[&places, &grid_group], groups(path_count));
+    }
     p.scan_paths.dispatch(encoder, &cache, &[&order], UVec3::ONE);
     p.write_pairs.dispatch(encoder, &cache, &[&order], groups(path_count));
     sort.sort(&device, encoder, &cache, &vpl.order, &vpl.vertex_count, key_bits);
@@ -174,9 +189,6 @@ pub(super) fn trace_vpls(
     p.measure_nodes.dispatch(encoder, &cache, &[&cuts], folded(vertices.div_ceil(NODE_GROUP)));
     p.cut.dispatch(encoder, &cache, &[&cuts], UVec3::ONE);
     p.build_list.dispatch(encoder, &cache, &[&list], groups(capacity));
-    p.file_lights.dispatch(encoder, &cache, &[&places], groups(capacity));
-    p.meet_triangles.dispatch(encoder, &cache, &[&settle], folded(scene.chunk_count()));
-    p.set_lights.dispatch(encoder, &cache, &[&places], groups(capacity));
     p.measure_density.dispatch(encoder, &cache, &[&density, &grid_group], folded(grid.brick_count()));
     span.end(encoder);
 }

@@ -15,16 +15,17 @@ pub(super) struct VplPipelines {
     pub collect_emitters: Kernel,
     pub accumulate_emitters: Kernel,
     pub look_ahead: Kernel,
-    pub trace_paths: Kernel,
+    pub start_paths: Kernel,
+    pub file_ways: Kernel,
+    pub meet_triangles: Kernel,
+    pub set_vertices: Kernel,
+    pub continue_paths: Kernel,
     pub scan_paths: Kernel,
     pub write_pairs: Kernel,
     pub scan_weights: Kernel,
     pub measure_nodes: Kernel,
     pub cut: Kernel,
     pub build_list: Kernel,
-    pub file_lights: Kernel,
-    pub meet_triangles: Kernel,
-    pub set_lights: Kernel,
     pub add_group_areas: Kernel,
     pub measure_density: Kernel,
 }
@@ -33,11 +34,12 @@ impl VplPipelines {
     /// Whether all are compiled.
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
         let emitters = [&self.collect_emitters, &self.accumulate_emitters];
-        let paths = [&self.look_ahead, &self.trace_paths, &self.scan_paths, &self.write_pairs, &self.scan_weights];
-        let list = [&self.measure_nodes, &self.cut, &self.build_list];
-        let places = [&self.file_lights, &self.meet_triangles, &self.set_lights];
+        let paths = [&self.look_ahead, &self.start_paths, &self.continue_paths];
+        let places = [&self.file_ways, &self.meet_triangles, &self.set_vertices];
+        let list =
+            [&self.scan_paths, &self.write_pairs, &self.scan_weights, &self.measure_nodes, &self.cut, &self.build_list];
         let densities = [&self.add_group_areas, &self.measure_density];
-        are_ready(emitters.into_iter().chain(paths).chain(list).chain(places).chain(densities), cache)
+        are_ready(emitters.into_iter().chain(paths).chain(places).chain(list).chain(densities), cache)
     }
 }
 
@@ -60,9 +62,9 @@ pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let cuts = [uniform, uniform, read, read, read, read, write, write, write, write];
     // Parameters, grid; vertices, pairs, first vertices, header; list, bricks.
     let list = [uniform, uniform, read, read, read, read, write, write];
-    // Grid; header; list, bricks, meetings.
-    let places = [uniform, read, write, write, write];
-    // Geometry, instances, materials, thumbnails; grid, scene; chunks, list, bricks; meetings.
+    // Parameters; paths, vertices, heads of ways, meetings.
+    let places = [uniform, write, write, write, write];
+    // Geometry, instances, materials, thumbnails; grid, scene; chunks, vertices, heads of ways; meetings.
     let settle = [read, read, read, read, uniform, uniform, read, read, read, write];
     // Bricks, counters.
     let areas = [write, write];
@@ -72,16 +74,17 @@ pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
         collect_emitters: kernel("vpl/emitters.wgsl", "collect", &emitters, &[]),
         accumulate_emitters: kernel("vpl/emitters.wgsl", "accumulate", &emitters, &[]),
         look_ahead: kernel("vpl/look_ahead.wgsl", "look_ahead", &trace[..6], &[grid_layout()]),
-        trace_paths: kernel("vpl/trace.wgsl", "trace_paths", &trace, &[grid_layout()]),
+        start_paths: kernel("vpl/trace.wgsl", "start_paths", &trace, &[grid_layout()]),
+        file_ways: kernel("vpl/places.wgsl", "file_ways", &places, &[grid_layout()]),
+        meet_triangles: kernel("vpl/settle.wgsl", "meet_triangles", &settle, &[]),
+        set_vertices: kernel("vpl/places.wgsl", "set_vertices", &places, &[grid_layout()]),
+        continue_paths: kernel("vpl/trace.wgsl", "continue_paths", &trace, &[grid_layout()]),
         scan_paths: kernel("vpl/order.wgsl", "scan_paths", &order, &[]),
         write_pairs: kernel("vpl/order.wgsl", "write_pairs", &order, &[]),
         scan_weights: kernel("vpl/weights.wgsl", "scan_weights", &weights, &[]),
         measure_nodes: kernel("vpl/cuts.wgsl", "measure_nodes", &cuts, &[]),
         cut: kernel("vpl/cuts.wgsl", "cut", &cuts, &[]),
         build_list: kernel("vpl/list.wgsl", "build_list", &list, &[]),
-        file_lights: kernel("vpl/places.wgsl", "file_lights", &places, &[]),
-        meet_triangles: kernel("vpl/settle.wgsl", "meet_triangles", &settle, &[]),
-        set_lights: kernel("vpl/places.wgsl", "set_lights", &places, &[]),
         add_group_areas: kernel("vpl/group_areas.wgsl", "add_group_areas", &areas, &[grid_layout()]),
         measure_density: kernel("vpl/density.wgsl", "measure_density", &density, &[grid_layout()]),
     });

@@ -45,7 +45,9 @@ pub(crate) struct VplBuffers {
     pub densities: Buffer,
     /// The list.
     pub vpls: Buffer,
-    /// What each light's path met, [`MEETING_WORDS`] each.
+    /// By block of the grid, the first of the ways that are filed under it. See `vpl/ways.wgsl`.
+    pub way_heads: Buffer,
+    /// What each path met, [`MEETING_WORDS`] each.
     pub meetings: Buffer,
     /// What the list holds.
     pub header: Buffer,
@@ -73,7 +75,8 @@ impl VplBuffers {
             bricks: storage(device, "bounce_vpl_bricks", 4),
             densities: storage(device, "bounce_vpl_densities", 8),
             vpls: storage(device, "bounce_vpls", u64::from(parameters.capacity) * u64::from(Vpl::min_size())),
-            meetings: storage(device, "bounce_vpl_meetings", u64::from(parameters.capacity * MEETING_WORDS) * 4),
+            way_heads: storage(device, "bounce_path_way_heads", 4),
+            meetings: storage(device, "bounce_path_meetings", paths * u64::from(MEETING_WORDS) * 4),
             header: storage(device, "bounce_vpl_header", u64::from(VplHeader::min_size())),
             emitters: storage(device, "bounce_emitters", emitter_bytes(1)),
         }
@@ -97,6 +100,8 @@ impl VplBuffers {
                 self.vertices.as_ref().map_or(0, |vertices| vertices.size())
                     + self.paths.size()
                     + self.candidates.size()
+                    + self.way_heads.size()
+                    + self.meetings.size()
                     + self.bricks.size()
                     + self.densities.size(),
             ),
@@ -108,7 +113,7 @@ impl VplBuffers {
                         .map(|buffer| buffer.size())
                         .sum::<u64>(),
             ),
-            ("vpl: list", self.vpls.size() + self.meetings.size() + self.header.size()),
+            ("vpl: list", self.vpls.size() + self.header.size()),
             ("vpl: emitters", self.emitters.size()),
         ]
     }
@@ -155,6 +160,7 @@ pub(super) fn prepare_vpls(
     let (parameters, room) = (sizes(settings.vpls), sizes(stated.0));
     let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
     let bricks = grid.as_ref().map_or(0, |grid| u64::from(grid.brick_count()));
+    let heads = grid.as_ref().map_or(0, |grid| u64::from(grid.leap_count()));
     let brick_words = bricks * u64::from(BRICK_WORDS);
     let shared_bytes = grid.as_ref().map_or(0, |grid| grid.work.sums.size());
     let prepare = |buffers: &mut VplBuffers| {
@@ -164,6 +170,9 @@ pub(super) fn prepare_vpls(
         if buffers.bricks.size() < brick_words * 4 {
             buffers.bricks = storage(&device, "bounce_vpl_bricks", brick_words * 4);
             buffers.densities = storage(&device, "bounce_vpl_densities", bricks * 8);
+        }
+        if buffers.way_heads.size() < heads * 4 {
+            buffers.way_heads = storage(&device, "bounce_path_way_heads", heads * 4);
         }
         if buffers.vertex_bytes <= shared_bytes {
             buffers.vertices = None;

@@ -247,7 +247,7 @@ fn assert_areas(voxel_size: f32) {
     let threads = placed.len() as u32 * GROUP_EDGE.pow(3);
     run(gpu(), "vpl/group_areas.wgsl", "add_group_areas", &resources, [threads / 64, 1, 1]);
     let bricks = resources.read_words("bricks").expect("reads back");
-    let steps: f64 = bricks.chunks(BRICK_WORDS as usize).map(|brick| f64::from(brick[4])).sum();
+    let steps: f64 = bricks.chunks(BRICK_WORDS as usize).map(|brick| f64::from(brick[3])).sum();
     let found = steps as f32 / 65536.0 * grid.voxel_size * grid.voxel_size;
     let area = |[a, b, c]: [Vec3; 3]| 0.5 * (b - a).cross(c - a).length();
     let expected: f32 = placed
