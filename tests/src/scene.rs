@@ -412,7 +412,7 @@ pub fn settled(gpu: &Gpu, scene: &TestScene, grid: &Grid, vpls: &[Vpl]) -> Vec<V
         .resources(gpu)
         .uniform("grid", grid)
         .uniform("voxel_groups", &VoxelGroups::default())
-        .zeroed("voxels", 1)
+        .zeroed("voxels", count_of(grid, 1))
         .structs("cells", &[white])
         .uniform("parameters", &parameters)
         .structs("paths", &vpls.iter().map(path).collect::<Vec<_>>())

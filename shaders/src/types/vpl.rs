@@ -8,8 +8,8 @@ use bevy::render::render_resource::ShaderType;
 pub struct Vpl {
     /// World position.
     pub position: Vec3,
-    /// Bounces behind it, 0 on an emissive surface; the highest bit is set where its light met a surface. While it is
-    /// [`UNSETTLED`], the cell that was met.
+    /// Bounces behind it, 0 on an emissive surface; the highest bit is set where its light met a surface. While its path
+    /// is [`UNSETTLED`], the cell that was met.
     pub bounce_met: u32,
     /// Unit normal.
     pub normal: Vec3,
@@ -34,7 +34,7 @@ impl Vpl {
 }
 
 /// Words known of a brick of the grid: lights times 2^15; candidates whose light falls into it, and of these those whose light
-/// meets something from there; area of the groups in it, in 1/256 voxel faces.
+/// meets something from there; area of the groups in it, in 1/65536 voxel faces.
 pub const BRICK_WORDS: u32 = 4;
 /// Places of which a path from a directional light starts at one.
 pub const CANDIDATES: u32 = 8;

@@ -1,12 +1,13 @@
-// From where paths met the grid to vertices: `file_ways` files the stretches of each path on which triangles may be met under the blocks
-// that they go through (`ways.wgsl`); `set_vertices` sets the vertex on the first that was met (`settle.wgsl`), or leaves it on the plane of
-// its voxel, and reflects the path there, or ends it.
+// From where paths met the grid to vertices: `file_ways` files the stretches of each path on which triangles may be met under the
+// blocks that they go through (`ways.wgsl`); `set_vertices` sets the vertex on the first that was met (`settle.wgsl`), or leaves it on the
+// plane of its voxel, and reflects the path there, or ends it.
 //
-// Cost: one thread a path; up to ten atomic exchanges.
+// Cost: one thread a path; up to ten atomic exchanges, and the cells of a voxel in each grid and group that it is in.
 
 #import bevy_bounce::shared::grid::{
-    GridLevel, grid_level, level_at, to_level, cell_index, voxel_index, voxel_facings, facing_of,
+    GridLevel, grid_level, level_at, to_level, voxel_index, voxel_facings, cell_area, CELL_MASK,
 }
+#import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, voxels, cells, voxel_groups}
 #import bevy_bounce::shared::sampling::sample_square
 #import bevy_bounce::shared::voxel_groups::{group_level, to_group, normal_to_group}
@@ -66,30 +67,39 @@ fn file_ways(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// The cell of a voxel for what looks that way; `NO_CELL` where nothing does.
-fn facing_cell(level: GridLevel, place: vec3<f32>, normal: vec3<f32>) -> u32 {
-    let voxel = vec3<i32>(floor(place));
-    if any(voxel < vec3<i32>(0)) || any(voxel >= vec3<i32>(level.dims)) {
-        return NO_CELL;
-    }
-    let word = voxels[voxel_index(level, voxel)];
-    let facing = facing_of(normal);
-    let is_there = ((voxel_facings(word) >> facing) & 1u) != 0u;
-    return select(NO_CELL, level.first_cell + cell_index(word, facing), is_there);
+// A cell, and the cosine between its normal and that of a surface that was met by its triangle.
+struct Match {
+    cell: u32,
+    cosine: f32,
 }
 
-// The same of a surface met by its triangle, whichever grid it is in; `otherwise` where none has it.
-fn cell_at(position: vec3<f32>, normal: vec3<f32>, otherwise: u32) -> u32 {
-    for (var i = 0u; i < voxel_groups.count; i++) {
-        let group = voxel_groups.groups[i];
-        let cell = facing_cell(group_level(group), to_group(group, position), normal_to_group(group, normal));
-        if cell != NO_CELL {
-            return cell;
+// The better of a match and of what a voxel has.
+fn match_voxel(best: Match, level: GridLevel, place: vec3<f32>, normal: vec3<f32>) -> Match {
+    var found = best;
+    let voxel = vec3<i32>(floor(place));
+    if any(voxel < vec3<i32>(0)) || any(voxel >= vec3<i32>(level.dims)) {
+        return found;
+    }
+    let word = voxels[voxel_index(level, voxel)];
+    let first = level.first_cell + (word & CELL_MASK);
+    for (var i = 0u; i < countOneBits(voxel_facings(word)); i++) {
+        let cosine = dot(decode_unit(cells[first + i].normal), normal);
+        if cosine > found.cosine && cell_area(cells[first + i]) > 0.0 {
+            found = Match(first + i, cosine);
         }
     }
+    return found;
+}
+
+// The cell of that surface, whichever grid it is in; `otherwise` where none looks its way.
+fn cell_at(position: vec3<f32>, normal: vec3<f32>, otherwise: u32) -> u32 {
     let level = level_of(position);
-    let cell = facing_cell(level, to_level(level, position), normal);
-    return select(cell, otherwise, cell == NO_CELL);
+    var best = match_voxel(Match(otherwise, 0.0), level, to_level(level, position), normal);
+    for (var i = 0u; i < voxel_groups.count; i++) {
+        let group = voxel_groups.groups[i];
+        best = match_voxel(best, group_level(group), to_group(group, position), normal_to_group(group, normal));
+    }
+    return best.cell;
 }
 
 struct Place {

@@ -5,15 +5,16 @@
 //
 // Of nested grids each has its own ways, and its own voxels for their reach: triangles look for them in each.
 //
-// Cost, a bounce: one thread a triangle, for each grid a load and about 20 operations for each block that its plane goes through within its
-// box, four loads and as much for each way in these, and about 60 more for each way that lies in the triangle's box.
+// Cost, a bounce: one thread a triangle, for each grid about 20 operations for each brick in its box and each block of those that its
+// plane goes through, a load for each block that it goes through, four loads and as many operations for each way in these, and
+// about 60 more for each way that lies in the triangle's box.
 
-#import bevy_bounce::shared::grid::{Grid, GridLevel, grid_level, BRICK, LEAP_BLOCK}
+#import bevy_bounce::shared::grid::{Grid, GridLevel, grid_level, leap_dims, BRICK, LEAP_BLOCK}
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::sampling::{hash, unit_float}
 #import bevy_bounce::shared::scene::{Chunk, Scene}
 #import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_cover}
-#import bevy_bounce::vpl::types::{Vpl, pack_meeting}
+#import bevy_bounce::vpl::types::{Vpl, SETTLE_RANGE, pack_meeting}
 #import bevy_bounce::vpl::ways::{
     Way, way_from_start, way_at_hit, block_index, MEETING_WORDS, MEETING_HIT, MEETING_START, MEETING_SLOT, MEETING_START_BLOCKS,
 }
@@ -29,6 +30,8 @@
 
 // The grid that ways are looked for in; positions in its voxels.
 var<private> level: GridLevel;
+// Whether the triangle is: ways beside the grid are filed under its outermost blocks.
+var<private> is_beside: bool;
 
 struct Box {
     low: vec3<f32>,
@@ -93,16 +96,19 @@ fn try_block(block: vec3<i32>, t: Triangle, box: Box) {
 
 // Whether the triangle's plane goes through a cube of that edge, counted in such.
 fn is_near_plane(t: Triangle, cube: vec3<i32>, edge: f32) -> bool {
+    if is_beside {
+        return true;
+    }
     let center = (vec3<f32>(cube) + 0.5) * edge;
     let n = abs(t.normal);
     return abs(dot(t.normal, center - t.a)) <= (0.5 * edge + SLACK) * (n.x + n.y + n.z);
 }
 
-fn try_brick(brick: vec3<i32>, t: Triangle, box: Box) {
+fn try_brick(brick: vec3<i32>, t: Triangle, low_block: vec3<i32>, high_block: vec3<i32>, box: Box) {
     let edge = f32(LEAP_BLOCK);
     let across = i32(BRICK / LEAP_BLOCK);
-    let low = max(vec3<i32>(floor(box.low / edge)), brick * across);
-    let high = min(vec3<i32>(floor(box.high / edge)), brick * across + across - 1);
+    let low = max(low_block, brick * across);
+    let high = min(high_block, brick * across + across - 1);
     for (var z = low.z; z <= high.z; z++) {
         for (var y = low.y; y <= high.y; y++) {
             for (var x = low.x; x <= high.x; x++) {
@@ -117,15 +123,22 @@ fn try_brick(brick: vec3<i32>, t: Triangle, box: Box) {
 
 fn look_for_ways(t: Triangle) {
     let box = Box(min(t.a, min(t.b, t.c)) - SLACK, max(t.a, max(t.b, t.c)) + SLACK);
-    let last = vec3<f32>(level.dims) - SLACK;
-    let low = vec3<i32>(clamp(box.low, vec3<f32>(0.0), last)) / i32(BRICK);
-    let high = vec3<i32>(clamp(box.high, vec3<f32>(0.0), last)) / i32(BRICK);
+    let dims = vec3<f32>(level.dims);
+    if any(box.high < vec3<f32>(-SETTLE_RANGE)) || any(box.low > dims + SETTLE_RANGE) {
+        return;
+    }
+    is_beside = any(box.high < vec3<f32>(0.0)) || any(box.low > dims);
+    let last = vec3<i32>(leap_dims(level)) - 1;
+    let low_block = clamp(vec3<i32>(floor(box.low / f32(LEAP_BLOCK))), vec3<i32>(0), last);
+    let high_block = clamp(vec3<i32>(floor(box.high / f32(LEAP_BLOCK))), vec3<i32>(0), last);
+    let low = low_block / i32(BRICK / LEAP_BLOCK);
+    let high = high_block / i32(BRICK / LEAP_BLOCK);
     for (var z = low.z; z <= high.z; z++) {
         for (var y = low.y; y <= high.y; y++) {
             for (var x = low.x; x <= high.x; x++) {
                 let brick = vec3<i32>(x, y, z);
                 if is_near_plane(t, brick, f32(BRICK)) {
-                    try_brick(brick, t, box);
+                    try_brick(brick, t, low_block, high_block, box);
                 }
             }
         }

@@ -14,7 +14,7 @@
 //
 // Cost: one thread a path; a ray through the grid a bounce, and 24 loads for a path from a directional light.
 
-#import bevy_bounce::shared::grid::{grid_level, level_at, brick_at}
+#import bevy_bounce::shared::grid::{GridLevel, grid_level, level_at}
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_area, rect_point}
 #import bevy_bounce::shared::rays::{grid, trace, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::{
@@ -26,12 +26,17 @@
     weighted_area, DIMENSION_LIGHT, DIMENSION_POSITION, DIMENSION_DIRECTION, PATH_GAP,
 }
 #import bevy_bounce::vpl::types::{
-    Vpl, Path, MET, UNSETTLED, NO_CELL, DIMENSION_BOUNCE, BRICK_WORDS, BRICK_TRIED, BRICK_ONWARD, CANDIDATES, SETTLE_RANGE, vertex_slot, pack_incoming,
+    Vpl, Path, MET, UNSETTLED, NO_CELL, DIMENSION_BOUNCE, BRICK_WORDS, BRICK_TRIED, BRICK_ONWARD, CANDIDATES, SETTLE_RANGE,
+    vertex_slot, pack_incoming,
 }
 
 // Path by path, `max_bounces` + 1 slots each.
 @group(0) @binding(6) var<storage, read_write> vertices: array<Vpl>;
 @group(0) @binding(7) var<storage, read_write> paths: array<Path>;
+
+/// Voxels from a surface at which rays through the grid start. What is nearer is met by its triangles, as is what is a little farther:
+/// planes of voxels lie before and behind what they stand for.
+const GRID_START: f32 = 1.0;
 
 /// What is hoped of a place whose light goes on into the open, and of one whose light meets nothing.
 const OPEN_PROMISE: f32 = 0.1;
@@ -49,7 +54,6 @@ struct Photon {
     center: vec3<f32>,
     range: f32,
     max_bounces: u32,
-    on_surface: bool,
 }
 
 fn start_at_light(source: Source, path: u32) -> Photon {
@@ -60,7 +64,6 @@ fn start_at_light(source: Source, path: u32) -> Photon {
     photon.position = light.position;
     photon.normal = vec3<f32>(0.0);
     photon.max_bounces = light.max_bounces;
-    photon.on_surface = false;
     photon.center = light.position;
     photon.range = light.range;
     switch light.kind {
@@ -134,12 +137,15 @@ fn start_at_emitter(source: Source) -> Photon {
     photon.direction = cosine_direction(photon.normal, sample_square(source.sample, DIMENSION_DIRECTION));
     photon.flux = emitter.flux * source.weight;
     photon.max_bounces = 0xffffffffu;
-    photon.on_surface = true;
     return photon;
 }
 
 fn store(slot: u32, bounce_met: u32, photon: Photon, sample: u32, incoming: u32) {
     vertices[slot] = Vpl(photon.position, bounce_met, photon.normal, sample, photon.flux, incoming);
+}
+
+fn level_of(position: vec3<f32>) -> GridLevel {
+    return grid_level(grid, level_at(grid, position));
 }
 
 // To where the grid is met; `left`: bounces that are left to the path.
@@ -151,14 +157,14 @@ fn follow(path: u32, sample: u32, start: Photon, left: u32) {
         return;
     }
     var photon = start;
+    let skipped = select(0.0, GRID_START * level_of(photon.position).voxel_size, from_surface);
     var ray: Ray;
-    ray.origin = to_grid(photon.position);
+    ray.origin = to_grid(photon.position + photon.direction * skipped);
     ray.direction = photon.direction;
     ray.length = 1e6;
-    ray.start_normal = photon.normal;
+    ray.start_normal = select(photon.normal, vec3<f32>(0.0), from_surface);
     ray.end_normal = vec3<f32>(0.0);
-    // What is nearer is met by its triangles.
-    ray.gap = select(PATH_GAP, SETTLE_RANGE, from_surface);
+    ray.gap = PATH_GAP;
     let hit = trace(ray);
     if !hit.found && !from_surface {
         return;
@@ -173,8 +179,7 @@ fn follow(path: u32, sample: u32, start: Photon, left: u32) {
         let way = photon.position - photon.center;
         photon.flux *= range_window(photon.range, dot(way, way));
     }
-    let level = grid_level(grid, level_at(grid, photon.position));
-    let way = hit.t * grid.voxel_size / level.voxel_size;
+    let way = hit.t * grid.voxel_size / level_of(photon.position).voxel_size;
     let incoming = pack_incoming(photon.direction, min(way, SETTLE_RANGE));
     store(vertex_slot(parameters, path, count), cell, photon, sample, incoming);
     paths[path].first = left | UNSETTLED;

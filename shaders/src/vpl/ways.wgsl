@@ -10,12 +10,12 @@
 
 /// Words a path has for what it met: distance and normal of what was first where it met the grid, the same near its start; the slot
 /// of its vertex; then for each block of either way what else is filed under it: a word of this buffer, counted from 1.
-const MEETING_WORDS: u32 = 13u;
+const MEETING_WORDS: u32 = MEETING_START_BLOCKS + START_BLOCKS;
 const MEETING_HIT: u32 = 0u;
 const MEETING_START: u32 = 1u;
 const MEETING_SLOT: u32 = 2u;
 const MEETING_HIT_BLOCKS: u32 = 3u;
-const MEETING_START_BLOCKS: u32 = 9u;
+const MEETING_START_BLOCKS: u32 = MEETING_HIT_BLOCKS + HIT_BLOCKS;
 /// Blocks that ways of 2 and of 1 `SETTLE_RANGE` go through at most.
 const HIT_BLOCKS: u32 = 6u;
 const START_BLOCKS: u32 = 4u;
