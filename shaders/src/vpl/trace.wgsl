@@ -162,6 +162,7 @@ fn follow(path: u32, sample: u32, start: Photon, left: u32) {
     ray.origin = to_grid(photon.position + photon.direction * skipped);
     ray.direction = photon.direction;
     ray.length = 1e6;
+    // A voxel off, no surface is its own.
     ray.start_normal = select(photon.normal, vec3<f32>(0.0), from_surface);
     ray.end_normal = vec3<f32>(0.0);
     ray.gap = PATH_GAP;
