@@ -364,5 +364,5 @@ fn lights_settle_on_what_their_path_met() {
     let [before, after] =
         [trace_alone as Trace, trace_and_settle].map(|trace| buried(&light_up(&glb.scene, &grid, trace)));
     println!("near surfaces is {before:.3} of the light before, in {after:.3} after");
-    assert!(before > 0.2 && after < 0.14, "{before} before, {after} after");
+    assert!(before > 0.25 && after < 0.14, "{before} before, {after} after");
 }

@@ -194,17 +194,18 @@ fn compensated(settings: GiSettings) -> Option<[Metrics; 3]> {
 #[test]
 fn corners_get_back_what_they_lost() {
     let few = GiSettings { vpls: 1024, resolution: Resolution::Full, ..default() };
-    assert_given_back(few, &[few.vpls], 0.65);
+    // One sample of few lights: what is asked, seven tenths.
+    assert_given_back(few, &[few.vpls], 0.65, 0.7);
 }
 
 #[test]
 #[ignore = "takes minutes on a software adapter"]
 fn corners_get_back_what_many_lights_lost() {
     let many = GiSettings::default();
-    assert_given_back(many, &[1500, 1800, many.vpls, 2300, 2600], 0.9);
+    assert_given_back(many, &[1500, 1800, many.vpls, 2300, 2600], 0.9, 0.8);
 }
 
-fn assert_given_back(settings: GiSettings, numbers: &[u32], low: f64) {
+fn assert_given_back(settings: GiSettings, numbers: &[u32], low: f64, least: f64) {
     let (mut taken, mut given) = (0.0, 0.0);
     for &vpls in numbers {
         let Some([bounded, compensated, unbounded]) = compensated(GiSettings { vpls, ..settings }) else { return };
@@ -218,5 +219,5 @@ fn assert_given_back(settings: GiSettings, numbers: &[u32], low: f64) {
         }
     }
     println!("{:.1} % given back of the {:.1} % that were taken", 100.0 * given / taken, 100.0 * taken);
-    assert!(taken > 0.01 && (0.7..1.05).contains(&(given / taken)), "{given} of {taken} given back");
+    assert!(taken > 0.01 && (least..1.05).contains(&(given / taken)), "{given} of {taken} given back");
 }
