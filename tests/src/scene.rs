@@ -2,8 +2,8 @@
 
 use bevy::math::{Affine3A, UVec3, Vec2, Vec3, Vec4};
 use bevy_bounce_shaders::types::{
-    CHUNK_TRIANGLES, Cell, Chunk, Emitter, FURTHER_LEVELS, Grid, GridLevel, Instance, Light, MEETING_WORDS, Material,
-    NONE, OccluderChunk, Path, REGIONS, Region, Scene, THUMBNAIL_SIZE, UNSETTLED, VERTEX_WORDS, VoxelGroup,
+    CHUNK_TRIANGLES, Cell, Chunk, Emitter, FURTHER_LEVELS, Grid, GridLevel, Instance, LIST_ENTRY_WORDS, Light,
+    Material, NONE, OccluderChunk, Path, REGIONS, Region, Scene, THUMBNAIL_SIZE, UNSETTLED, VERTEX_WORDS, VoxelGroup,
     VoxelGroups, Vpl, VplParameters,
 };
 use half::f16;
@@ -271,7 +271,7 @@ pub fn shipped(gpu: &Gpu, path: &str, entry: &str, defs: &[&str]) -> std::sync::
 pub fn voxelize(gpu: &Gpu, scene: &TestScene, grid: &Grid, queue_entries: Option<usize>) -> Resources {
     let voxels = count_of(grid, 1);
     let blocks = voxels.div_ceil(1024);
-    let queue = 1 + 3 * queue_entries.unwrap_or(QUEUE_ENTRIES);
+    let queue = 1 + 2 * queue_entries.unwrap_or(QUEUE_ENTRIES);
     let mut resources = scene
         .resources(gpu)
         .uniform("grid", grid)
@@ -354,8 +354,13 @@ pub fn run_over_triangles(gpu: &Gpu, defs: &[&str], resources: &Resources, chunk
     let path = "avg/voxelize.wgsl";
     run_with(gpu, path, "triangles", defs, resources, [chunks, 1, 1]);
     run(gpu, "avg/bricks.wgsl", "size_bricks", resources, [1, 1, 1]);
-    let bricks = shipped(gpu, path, "bricks", defs);
-    gpu.dispatch_indirect(&bricks, resources, "brick_workgroups", 0).unwrap_or_else(|error| panic!("{path}: {error}"));
+    run_indirect(gpu, path, "bricks", defs, resources, "brick_workgroups");
+}
+
+// Runs a kernel in as many workgroups as that buffer says.
+fn run_indirect(gpu: &Gpu, path: &str, entry: &str, defs: &[&str], resources: &Resources, size: &str) {
+    let kernel = shipped(gpu, path, entry, defs);
+    gpu.dispatch_indirect(&kernel, resources, size, 0).unwrap_or_else(|error| panic!("{path}, {entry}: {error}"));
 }
 
 /// Blocks of 2^3 voxels that distances count.
@@ -377,35 +382,55 @@ pub fn measure_distances(gpu: &Gpu, grid: &Grid, resources: &Resources) {
     }
 }
 
-/// Traces paths through the grid of `resources`, which also hold `parameters`, `vertices`, `paths` and `meetings`; each is set on what it met.
+/// Traces paths through the grid of `resources`, which also hold `parameters`, `vertices` and `paths`; each is set on what it met.
 pub fn trace_paths(gpu: &Gpu, scene: &TestScene, grid: &Grid, parameters: &VplParameters, resources: &Resources) {
-    let groups = [parameters.path_count.div_ceil(64), 1, 1];
-    run(gpu, "vpl/trace.wgsl", "start_paths", resources, groups);
+    let resources = &with_lists(gpu, scene, grid, resources);
+    run(gpu, "vpl/trace.wgsl", "start_paths", resources, [parameters.path_count.div_ceil(64), 1, 1]);
     for bounce in 1..=parameters.max_bounces {
+        gather_alive(gpu, parameters, resources);
         if bounce > 1 {
-            run(gpu, "vpl/trace.wgsl", "continue_paths", resources, groups);
+            run_indirect(gpu, "vpl/trace.wgsl", "continue_paths", &[], resources, "alive_workgroups");
         }
-        settle(gpu, scene, grid, parameters, resources);
+        settle(gpu, resources);
     }
 }
 
-/// Sets vertices on what their paths met, and reflects them there.
-pub fn settle(gpu: &Gpu, scene: &TestScene, grid: &Grid, parameters: &VplParameters, resources: &Resources) {
-    let resources = &resources.clone().zeroed("way_heads", leap_count(grid));
-    let groups = [parameters.path_count.div_ceil(64), 1, 1];
+// Adds lists of the triangles in each voxel, and what paths are gathered in.
+fn with_lists(gpu: &Gpu, scene: &TestScene, grid: &Grid, resources: &Resources) -> Resources {
     let chunks = scene.chunks(|_| true).len() as u32;
-    run(gpu, "vpl/places.wgsl", "file_ways", resources, groups);
+    let entries = count_of(grid, 1) + 8 * (chunks * CHUNK_TRIANGLES) as usize;
+    let resources = resources
+        .clone()
+        .zeroed("lists", 1 + count_of(grid, 1) + entries * LIST_ENTRY_WORDS as usize)
+        .zeroed("queue", 1 + 2 * QUEUE_ENTRIES)
+        .zeroed("brick_workgroups", 3)
+        .zeroed("alive_count", 1)
+        .zeroed("alive_workgroups", 3);
     if chunks > 0 {
-        run(gpu, "vpl/settle.wgsl", "meet_triangles", resources, [chunks, 1, 1]);
+        run(gpu, "vpl/fill.wgsl", "list_triangles", &resources, [chunks, 1, 1]);
+        run(gpu, "avg/bricks.wgsl", "size_bricks", &resources, [1, 1, 1]);
+        run_indirect(gpu, "vpl/fill.wgsl", "list_bricks", &[], &resources, "brick_workgroups");
     }
-    run(gpu, "vpl/places.wgsl", "set_vertices", resources, groups);
+    resources
+}
+
+fn gather_alive(gpu: &Gpu, parameters: &VplParameters, resources: &Resources) {
+    run(gpu, "vpl/alive.wgsl", "gather_alive", resources, [parameters.path_count.div_ceil(64), 1, 1]);
+    run(gpu, "vpl/alive.wgsl", "size_alive", resources, [1, 1, 1]);
+}
+
+// Sets vertices on what their paths met, and reflects them there.
+fn settle(gpu: &Gpu, resources: &Resources) {
+    run_indirect(gpu, "vpl/settle.wgsl", "meet_triangles", &[], resources, "alive_workgroups");
+    run_indirect(gpu, "vpl/places.wgsl", "set_vertices", &[], resources, "alive_workgroups");
 }
 
 /// Virtual lights of a white scene that paths brought to where they are, set on what these met; what is emitted stays.
 pub fn settled(gpu: &Gpu, scene: &TestScene, grid: &Grid, vpls: &[Vpl]) -> Vec<Vpl> {
     let path_count = vpls.len() as u32;
     let parameters = VplParameters { path_count, max_bounces: 1, ..Default::default() };
-    let path = |vpl: &Vpl| Path { length: 0, first_bounce: 1, first: if vpl.bounce() > 0 { 1 | UNSETTLED } else { 0 } };
+    let first = |vpl: &Vpl| if vpl.bounce() > 0 { 1 | UNSETTLED } else { 0 };
+    let path = |vpl: &Vpl| Path { length: 0, first_bounce: 1, first: first(vpl), alive: 0 };
     let white = Cell { albedo: u32::MAX, ..Default::default() };
     let slots = |vpl: &Vpl| [Vpl { bounce_met: 0, ..*vpl }, Vpl::default()];
     let resources = scene
@@ -416,9 +441,10 @@ pub fn settled(gpu: &Gpu, scene: &TestScene, grid: &Grid, vpls: &[Vpl]) -> Vec<V
         .structs("cells", &[white])
         .uniform("parameters", &parameters)
         .structs("paths", &vpls.iter().map(path).collect::<Vec<_>>())
-        .structs("vertices", &vpls.iter().flat_map(slots).collect::<Vec<_>>())
-        .zeroed("meetings", (path_count * MEETING_WORDS) as usize);
-    settle(gpu, scene, grid, &parameters, &resources);
+        .structs("vertices", &vpls.iter().flat_map(slots).collect::<Vec<_>>());
+    let resources = with_lists(gpu, scene, grid, &resources);
+    gather_alive(gpu, &parameters, &resources);
+    settle(gpu, &resources);
     let vertices: Vec<Vpl> = resources.read_structs("vertices").unwrap_or_else(|error| panic!("{error}"));
     vertices.into_iter().step_by(2).collect()
 }

@@ -19,20 +19,22 @@
 // voxel touched in the second run, where the triangle is masked 500 more and up to 16 looks at the mask. A thread of a brick takes the
 // column across the triangle, so that all have about as much.
 
-#import bevy_bounce::avg::queue::{queue_capacity, QUEUE_HEADER, QUEUE_WORDS}
+#import bevy_bounce::avg::queue::{QueueEntry, enqueue, queue_entry}
+#import bevy_bounce::shared::columns::{turn, turn_voxel, turn_back, column_axis}
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{
     Grid, GridLevel, grid_level, level_of_brick, brick_index, brick_place, voxel_index, voxel_facings, cell_index, facing_of,
     CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, SUM_MASKED, SUM_FRONT,
 }
+#import bevy_bounce::shared::overlap::touches_cube
 #import bevy_bounce::shared::sampling::triangle_point
-#import bevy_bounce::shared::scene::{Chunk, Scene}
+#import bevy_bounce::shared::scene::{Chunk, Scene, CHUNK_TRIANGLES}
 #import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_albedo, surface_emission, surface_cover, is_masked}
 
 @group(0) @binding(4) var<uniform> grid: Grid;
 @group(0) @binding(5) var<uniform> scene: Scene;
 @group(0) @binding(6) var<storage, read> chunks: array<Chunk>;
-@group(0) @binding(7) var<storage, read_write> queue: array<atomic<u32>>;
+// Binding 7: the queue.
 #ifdef ACCUMULATE
 @group(0) @binding(8) var<storage, read> voxels: array<u32>;
 #ifdef EMISSION
@@ -57,42 +59,6 @@ const FRONT_OCTAVES: f32 = 8.0;
 const SLACK: f32 = 1e-4;
 // Voxels; covers the rounding of the plane's height over a column. The test of each voxel decides.
 const COLUMN_SLACK: f32 = 0.01;
-
-// Separating axes of the cross products of one edge with the box axes.
-fn edge_separates(edge: vec3<f32>, p: vec3<f32>, q: vec3<f32>, half: f32) -> bool {
-    let a = abs(edge);
-    let px = edge.z * p.y - edge.y * p.z;
-    let qx = edge.z * q.y - edge.y * q.z;
-    if min(px, qx) > half * (a.y + a.z) || max(px, qx) < -half * (a.y + a.z) {
-        return true;
-    }
-    let py = edge.x * p.z - edge.z * p.x;
-    let qy = edge.x * q.z - edge.z * q.x;
-    if min(py, qy) > half * (a.x + a.z) || max(py, qy) < -half * (a.x + a.z) {
-        return true;
-    }
-    let pz = edge.y * p.x - edge.x * p.y;
-    let qz = edge.y * q.x - edge.x * q.y;
-    return min(pz, qz) > half * (a.x + a.y) || max(pz, qz) < -half * (a.x + a.y);
-}
-
-// Whether the triangle touches the cube. Akenine-Moeller 2001, "Fast 3D Triangle-Box Overlap Testing".
-fn touches_cube(t: Triangle, center: vec3<f32>, half_edge: f32) -> bool {
-    let half = half_edge + SLACK;
-    let a = t.a - center;
-    let b = t.b - center;
-    let c = t.c - center;
-    let low = min(a, min(b, c));
-    let high = max(a, max(b, c));
-    if any(low > vec3<f32>(half)) || any(high < vec3<f32>(-half)) {
-        return false;
-    }
-    let n = abs(t.normal);
-    if abs(dot(t.normal, a)) > half * (n.x + n.y + n.z) {
-        return false;
-    }
-    return !(edge_separates(b - a, a, c, half) || edge_separates(c - b, a, b, half) || edge_separates(a - c, a, b, half));
-}
 
 #ifdef ACCUMULATE
 // The part of a triangle within a voxel; positions from the voxel's centre.
@@ -315,25 +281,6 @@ fn visit(t: Triangle, voxel: vec3<i32>) {
 #endif
 }
 
-// Axes in an order that puts one last.
-fn turn(v: vec3<f32>, last: u32) -> vec3<f32> {
-    return select(select(v, v.zxy, last == 1u), v.yzx, last == 0u);
-}
-
-fn turn_voxel(v: vec3<i32>, last: u32) -> vec3<i32> {
-    return select(select(v, v.zxy, last == 1u), v.yzx, last == 0u);
-}
-
-fn turn_back(v: vec3<i32>, last: u32) -> vec3<i32> {
-    return select(select(v, v.yzx, last == 1u), v.zxy, last == 0u);
-}
-
-// The axis nearest to the normal: across it a triangle is widest.
-fn column_axis(t: Triangle) -> u32 {
-    let n = abs(t.normal);
-    return select(select(2u, 1u, n.y > n.z), 0u, n.x > max(n.y, n.z));
-}
-
 // First and last voxel between two of a column along `axis`, in turned axes, that the triangle's plane reaches: three at most.
 fn column_range(t: Triangle, axis: u32, column: vec2<i32>, low: i32, high: i32) -> vec2<i32> {
     let a = turn(t.a, axis);
@@ -371,7 +318,7 @@ fn visit_columns(t: Triangle, axis: u32, low: vec3<i32>, high: vec3<i32>) {
             }
             voxel = turn_back(place, axis);
             place.z++;
-            found = touches_cube(t, vec3<f32>(voxel) + 0.5, 0.5);
+            found = touches_cube(t, vec3<f32>(voxel) + 0.5, 0.5 + SLACK);
             if found {
                 break;
             }
@@ -384,7 +331,7 @@ fn visit_columns(t: Triangle, axis: u32, low: vec3<i32>, high: vec3<i32>) {
 }
 
 fn visit_box(t: Triangle, low: vec3<i32>, high: vec3<i32>) {
-    let axis = column_axis(t);
+    let axis = column_axis(t.normal);
     visit_columns(t, axis, turn_voxel(low, axis), turn_voxel(high, axis));
 }
 
@@ -396,19 +343,7 @@ fn box_high(t: Triangle) -> vec3<i32> {
     return min(vec3<i32>(floor(max(t.a, max(t.b, t.c)) + SLACK)), vec3<i32>(level.dims) - 1);
 }
 
-fn enqueue(instance: u32, triangle: u32, brick: u32) -> bool {
-    let entry = atomicAdd(&queue[0], 1u);
-    if entry >= queue_capacity(arrayLength(&queue)) {
-        return false;
-    }
-    let o = QUEUE_HEADER + entry * QUEUE_WORDS;
-    atomicStore(&queue[o], instance);
-    atomicStore(&queue[o + 1u], triangle);
-    atomicStore(&queue[o + 2u], brick);
-    return true;
-}
-
-fn enqueue_bricks(t: Triangle, instance: u32, triangle: u32, low: vec3<i32>, high: vec3<i32>) {
+fn enqueue_bricks(t: Triangle, triangle: u32, low: vec3<i32>, high: vec3<i32>) {
     let first = low / BRICK;
     let last = high / BRICK;
     for (var z = first.z; z <= last.z; z++) {
@@ -416,15 +351,21 @@ fn enqueue_bricks(t: Triangle, instance: u32, triangle: u32, low: vec3<i32>, hig
             for (var x = first.x; x <= last.x; x++) {
                 let brick = vec3<i32>(x, y, z);
                 let center = (vec3<f32>(brick) + 0.5) * f32(BRICK);
-                if !touches_cube(t, center, 0.5 * f32(BRICK)) {
+                if !touches_cube(t, center, 0.5 * f32(BRICK) + SLACK) {
                     continue;
                 }
-                if !enqueue(instance, triangle, brick_index(level, vec3<u32>(brick))) {
+                if !enqueue(QueueEntry(triangle, brick_index(level, vec3<u32>(brick)))) {
                     visit_box(t, max(brick * BRICK, low), min(brick * BRICK + (BRICK - 1), high));
                 }
             }
         }
     }
+}
+
+// One of those of all chunks.
+fn triangle_of(triangle: u32) -> Triangle {
+    let chunk = chunks[triangle / CHUNK_TRIANGLES];
+    return load_triangle(chunk.instance, chunk.first_triangle + triangle % CHUNK_TRIANGLES, level.origin, level.voxel_size);
 }
 
 @compute @workgroup_size(64)
@@ -439,9 +380,8 @@ fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
         return;
     }
     level = grid_level(grid, index / count);
-    let chunk = chunks[index % count];
-    let triangle = chunk.first_triangle + lane;
-    let t = load_triangle(chunk.instance, triangle, level.origin, level.voxel_size);
+    let triangle = index % count * CHUNK_TRIANGLES + lane;
+    let t = triangle_of(triangle);
     if !t.valid {
         return;
     }
@@ -452,7 +392,7 @@ fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     }
     let extent = vec3<u32>(high - low + 1);
     if extent.x * extent.y * extent.z > INLINE_VOXELS {
-        enqueue_bricks(t, chunk.instance, triangle, low, high);
+        enqueue_bricks(t, triangle, low, high);
     } else {
         visit_box(t, low, high);
     }
@@ -460,12 +400,11 @@ fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
 
 @compute @workgroup_size(64)
 fn bricks(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let o = QUEUE_HEADER + group.x * QUEUE_WORDS;
-    let index = atomicLoad(&queue[o + 2u]);
-    level = grid_level(grid, level_of_brick(grid, index));
-    let t = load_triangle(atomicLoad(&queue[o]), atomicLoad(&queue[o + 1u]), level.origin, level.voxel_size);
-    let brick = vec3<i32>(brick_place(level, index));
-    let axis = column_axis(t);
+    let entry = queue_entry(group.x);
+    level = grid_level(grid, level_of_brick(grid, entry.brick));
+    let t = triangle_of(entry.triangle);
+    let brick = vec3<i32>(brick_place(level, entry.brick));
+    let axis = column_axis(t.normal);
     let corner = turn_voxel(brick * BRICK, axis);
     let column = corner.xy + vec2<i32>(i32(lane & 7u), i32(lane >> 3u));
     let low = turn_voxel(box_low(t), axis);

@@ -96,6 +96,10 @@ fn level_at(grid: Grid, position: vec3<f32>) -> u32 {
     return grid.further_count;
 }
 
+fn level_of(grid: Grid, position: vec3<f32>) -> GridLevel {
+    return grid_level(grid, level_at(grid, position));
+}
+
 /// World position in voxels of a grid.
 fn to_level(level: GridLevel, position: vec3<f32>) -> vec3<f32> {
     return (position - level.origin) / level.voxel_size;

@@ -38,8 +38,8 @@ impl Vpl {
 pub const BRICK_WORDS: u32 = 4;
 /// Places of which a path from a directional light starts at one.
 pub const CANDIDATES: u32 = 8;
-/// Words a path has for what it met. See `vpl/ways.wgsl`.
-pub const MEETING_WORDS: u32 = 13;
+/// Words of an entry of the lists of triangles. See `vpl/lists.wgsl`.
+pub const LIST_ENTRY_WORDS: u32 = 2;
 
 /// A path that was traced.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
@@ -50,6 +50,8 @@ pub struct Path {
     pub first_bounce: u32,
     /// While it is traced, the bounces that are left to it, and [`UNSETTLED`]; then, vertices of the paths before it.
     pub first: u32,
+    /// Not of this path: as the i-th, the i-th of those that go on.
+    pub alive: u32,
 }
 
 /// Bit of [`Path::first`]: a vertex more is where the grid was met, and not yet set on a surface.

@@ -8,7 +8,7 @@
 
 #define_import_path bevy_bounce::vpl::bound
 
-#import bevy_bounce::shared::grid::{Grid, BRICK, grid_level, level_at, to_level, brick_dims, brick_index}
+#import bevy_bounce::shared::grid::{Grid, BRICK, level_of, to_level, brick_dims, brick_index}
 #import bevy_bounce::vpl::types::VplHeader
 
 @group(0) @binding(5) var<uniform> grid: Grid;
@@ -20,7 +20,7 @@ const LOWEST: f32 = 0.0625;
 
 /// 1/m^2.
 fn geometry_bound(header: VplHeader, position: vec3<f32>) -> f32 {
-    let level = grid_level(grid, level_at(grid, position));
+    let level = level_of(grid, position);
     let last = vec3<i32>(brick_dims(level)) - 1;
     let place = to_level(level, position) / f32(BRICK) - 0.5;
     let first = vec3<i32>(floor(place));

@@ -6,7 +6,7 @@
 //
 // Cost: two rays through the grid for each candidate, and two atomic additions.
 
-#import bevy_bounce::shared::grid::{grid_level, level_at, brick_at}
+#import bevy_bounce::shared::grid::{level_of, brick_at}
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::rays::{grid, is_blocked, trace, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::{sample_square, cosine_direction}
@@ -29,7 +29,7 @@ fn look(start: vec3<f32>, direction: vec3<f32>, candidate: u32) -> u32 {
     }
     ray.origin += direction * lit.t;
     let place = to_world(ray.origin);
-    let brick = brick_at(grid_level(grid, level_at(grid, place)), place);
+    let brick = brick_at(level_of(grid, place), place);
     ray.start_normal = lit.normal;
     ray.direction = cosine_direction(ray.start_normal, sample_square(candidate, DIMENSION_PROMISE));
     atomicAdd(&bricks[brick * BRICK_WORDS + BRICK_TRIED], 1u);

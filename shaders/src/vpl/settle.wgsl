@@ -1,48 +1,66 @@
 // What each path met first, near where it met the grid and near where it started: a voxel knows only the mean of the surfaces in it,
 // behind which lights would be buried by every ledge and fold, and which tells nothing of what is next to a surface in a corner.
 //
-// Each triangle of the scene looks for the ways that are filed under the blocks it lies in (see `ways.wgsl`).
+// Either way goes from voxel to voxel, through the lists of the triangles in these (`lists.wgsl`).
 //
-// Of nested grids each has its own ways, and its own voxels for their reach: triangles look for them in each.
-//
-// Cost, a bounce: one thread a triangle, for each grid about 20 operations for each brick in its box and each block of those that its
-// plane goes through, a load for each block that it goes through, four loads and as many operations for each way in these, and
-// about 60 more for each way that lies in the triangle's box.
+// Cost, a bounce: one thread a path that goes on; up to fourteen voxels, and for each triangle in their lists about 30 loads and 80
+// operations; as much again for each hole that it passes.
 
-#import bevy_bounce::shared::grid::{Grid, GridLevel, grid_level, leap_dims, BRICK, LEAP_BLOCK}
-#import bevy_bounce::shared::groups::folded_index
+#import bevy_bounce::shared::grid::{Grid, GridLevel, to_level}
 #import bevy_bounce::shared::sampling::{hash, unit_float}
-#import bevy_bounce::shared::scene::{Chunk, Scene}
+#import bevy_bounce::shared::scene::{Chunk, CHUNK_TRIANGLES}
 #import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_cover}
-#import bevy_bounce::vpl::types::{Vpl, SETTLE_RANGE, pack_meeting}
-#import bevy_bounce::vpl::ways::{
-    Way, way_from_start, way_at_hit, block_index, MEETING_WORDS, MEETING_HIT, MEETING_START, MEETING_SLOT, MEETING_START_BLOCKS,
+#import bevy_bounce::vpl::lists::list_of
+#import bevy_bounce::vpl::types::{
+    Vpl, VplParameters, Path, UNSETTLED, ON_TRIANGLE, NO_CELL, NO_PATH, SETTLE_RANGE, vertex_slot, settle_level, incoming_direction,
+    incoming_reach,
 }
 
-@group(0) @binding(4) var<uniform> grid: Grid;
-@group(0) @binding(5) var<uniform> scene: Scene;
+@group(0) @binding(4) var<uniform> parameters: VplParameters;
+@group(0) @binding(5) var<uniform> grid: Grid;
 @group(0) @binding(6) var<storage, read> chunks: array<Chunk>;
-@group(0) @binding(7) var<storage, read> vertices: array<Vpl>;
-// By block of the grid, the first of the ways that are filed under it: a word of `meetings`, counted from 1.
-@group(0) @binding(8) var<storage, read> way_heads: array<u32>;
-// `MEETING_WORDS` a path.
-@group(0) @binding(9) var<storage, read_write> meetings: array<atomic<u32>>;
-
-// The grid that ways are looked for in; positions in its voxels.
-var<private> level: GridLevel;
-// Whether the triangle is: ways beside the grid are filed under its outermost blocks.
-var<private> is_beside: bool;
-
-struct Box {
-    low: vec3<f32>,
-    high: vec3<f32>,
-}
+@group(0) @binding(7) var<storage, read> lists: array<u32>;
+@group(0) @binding(8) var<storage, read_write> vertices: array<Vpl>;
+@group(0) @binding(9) var<storage, read_write> paths: array<Path>;
 
 /// Voxels from its plane within which a way starts on the triangle, where both look the same way: packed directions point below it.
 const OWN_PLANE: f32 = 0.01;
 const SAME_WAY: f32 = 0.99;
-// Voxels; covers the rounding of where ways go from block to block.
-const SLACK: f32 = 1e-3;
+const NO_TRIANGLE: u32 = 0xffffffffu;
+/// Voxels that a way of 2 `SETTLE_RANGE` goes through at most.
+const MOST_VOXELS: u32 = 8u;
+
+// A stretch of a path, in voxels of the grid that it is in.
+struct Way {
+    level: GridLevel,
+    start: vec3<f32>,
+    direction: vec3<f32>,
+    length: f32,
+    // Of the surface that it starts on; zero in the air.
+    normal: vec3<f32>,
+}
+
+struct Meeting {
+    found: bool,
+    distance: f32,
+    normal: vec3<f32>,
+    triangle: u32,
+}
+
+// From the surface that the path started on.
+fn way_from_start(start: Vpl, incoming: u32) -> Way {
+    let level = settle_level(grid, start.position);
+    return Way(level, to_level(level, start.position), incoming_direction(incoming), SETTLE_RANGE, start.normal);
+}
+
+// Before and behind where it met the grid.
+fn way_at_hit(vertex: Vpl) -> Way {
+    let level = settle_level(grid, vertex.position);
+    let direction = incoming_direction(vertex.incoming);
+    let before = incoming_reach(vertex.incoming);
+    let start = to_level(level, vertex.position) - direction * before;
+    return Way(level, start, direction, before + SETTLE_RANGE, vec3<f32>(0.0));
+}
 
 // Distance along the way at which it meets the triangle; negative where it does not. Moeller & Trumbore 1997.
 fn meet(way: Way, t: Triangle) -> f32 {
@@ -63,100 +81,103 @@ fn meet(way: Way, t: Triangle) -> f32 {
     return select(-1.0, place.z, inside);
 }
 
-fn try_way(slot: u32, meeting: u32, way: Way, t: Triangle, box: Box) {
-    let end = way.start + way.direction * way.length;
-    if any(max(way.start, end) < box.low) || any(min(way.start, end) > box.high) {
-        return;
-    }
+fn triangle_of(triangle: u32, level: GridLevel) -> Triangle {
+    let chunk = chunks[triangle / CHUNK_TRIANGLES];
+    return load_triangle(chunk.instance, chunk.first_triangle + triangle % CHUNK_TRIANGLES, level.origin, level.voxel_size);
+}
+
+// Whether one comes before another. Of two at once, that with the lower number: lists are in no order.
+fn is_before(distance: f32, triangle: u32, other: Meeting) -> bool {
+    return distance < other.distance || (distance == other.distance && triangle < other.triangle);
+}
+
+// The first of a meeting and of that with a triangle, after another.
+fn meet_triangle(best: Meeting, after: Meeting, way: Way, triangle: u32) -> Meeting {
+    let t = triangle_of(triangle, way.level);
     let distance = meet(way, t);
-    if distance < 0.0 {
-        return;
+    if distance < 0.0 || !is_before(distance, triangle, best) || is_before(distance, triangle, after) || triangle == after.triangle {
+        return best;
     }
-    if surface_cover(t, way.start + way.direction * distance) <= unit_float(hash(vertices[slot].sample)) {
-        return;
-    }
-    let normal = t.normal * -sign(dot(t.normal, way.direction));
-    atomicMin(&meetings[meeting], pack_meeting(distance, normal));
+    return Meeting(true, distance, t.normal * -sign(dot(t.normal, way.direction)), triangle);
 }
 
-fn try_block(block: vec3<i32>, t: Triangle, box: Box) {
-    var next = way_heads[block_index(level, block)];
-    while next != 0u {
-        let path = (next - 1u) / MEETING_WORDS * MEETING_WORDS;
-        let slot = atomicLoad(&meetings[path + MEETING_SLOT]);
-        let incoming = vertices[slot].incoming;
-        if next - 1u - path >= MEETING_START_BLOCKS {
-            try_way(slot, path + MEETING_START, way_from_start(level, vertices[slot - 1u], incoming), t, box);
-        } else {
-            try_way(slot, path + MEETING_HIT, way_at_hit(level, vertices[slot].position, incoming), t, box);
+// From voxel to voxel along the way. Amanatides & Woo 1987.
+fn next_meeting(way: Way, after: Meeting) -> Meeting {
+    var best = Meeting(false, way.length, vec3<f32>(0.0), NO_TRIANGLE);
+    let speed = max(abs(way.direction), vec3<f32>(1e-6));
+    let into = fract(way.start);
+    var voxel = vec3<i32>(floor(way.start));
+    var leave = select(into, 1.0 - into, way.direction > vec3<f32>(0.0)) / speed;
+    var enter = 0.0;
+    for (var i = 0u; i < MOST_VOXELS && enter <= best.distance; i++) {
+        var entry = 0u;
+        if all(voxel >= vec3<i32>(0)) && all(voxel < vec3<i32>(way.level.dims)) {
+            entry = lists[list_of(way.level, voxel)];
         }
-        next = atomicLoad(&meetings[next - 1u]);
-    }
-}
-
-// Whether the triangle's plane goes through a cube of that edge, counted in such.
-fn is_near_plane(t: Triangle, cube: vec3<i32>, edge: f32) -> bool {
-    if is_beside {
-        return true;
-    }
-    let center = (vec3<f32>(cube) + 0.5) * edge;
-    let n = abs(t.normal);
-    return abs(dot(t.normal, center - t.a)) <= (0.5 * edge + SLACK) * (n.x + n.y + n.z);
-}
-
-fn try_brick(brick: vec3<i32>, t: Triangle, low_block: vec3<i32>, high_block: vec3<i32>, box: Box) {
-    let edge = f32(LEAP_BLOCK);
-    let across = i32(BRICK / LEAP_BLOCK);
-    let low = max(low_block, brick * across);
-    let high = min(high_block, brick * across + across - 1);
-    for (var z = low.z; z <= high.z; z++) {
-        for (var y = low.y; y <= high.y; y++) {
-            for (var x = low.x; x <= high.x; x++) {
-                let block = vec3<i32>(x, y, z);
-                if is_near_plane(t, block, edge) {
-                    try_block(block, t, box);
-                }
-            }
+        while entry != 0u {
+            best = meet_triangle(best, after, way, lists[entry]);
+            entry = lists[entry + 1u];
         }
+        enter = min(leave.x, min(leave.y, leave.z));
+        var along = vec3<f32>(0.0, 0.0, 1.0);
+        if leave.x == enter {
+            along = vec3<f32>(1.0, 0.0, 0.0);
+        } else if leave.y == enter {
+            along = vec3<f32>(0.0, 1.0, 0.0);
+        }
+        voxel += vec3<i32>(along * sign(way.direction));
+        leave += along / speed;
     }
+    return best;
 }
 
-fn look_for_ways(t: Triangle) {
-    let box = Box(min(t.a, min(t.b, t.c)) - SLACK, max(t.a, max(t.b, t.c)) + SLACK);
-    let dims = vec3<f32>(level.dims);
-    if any(box.high < vec3<f32>(-SETTLE_RANGE)) || any(box.low > dims + SETTLE_RANGE) {
-        return;
-    }
-    is_beside = any(box.high < vec3<f32>(0.0)) || any(box.low > dims);
-    let last = vec3<i32>(leap_dims(level)) - 1;
-    let low_block = clamp(vec3<i32>(floor(box.low / f32(LEAP_BLOCK))), vec3<i32>(0), last);
-    let high_block = clamp(vec3<i32>(floor(box.high / f32(LEAP_BLOCK))), vec3<i32>(0), last);
-    let low = low_block / i32(BRICK / LEAP_BLOCK);
-    let high = high_block / i32(BRICK / LEAP_BLOCK);
-    for (var z = low.z; z <= high.z; z++) {
-        for (var y = low.y; y <= high.y; y++) {
-            for (var x = low.x; x <= high.x; x++) {
-                let brick = vec3<i32>(x, y, z);
-                if is_near_plane(t, brick, f32(BRICK)) {
-                    try_brick(brick, t, low_block, high_block, box);
-                }
-            }
+// The first that is not with a hole; `threshold`: share of a surface up to which the path takes it for one.
+fn first_meeting(way: Way, threshold: f32) -> Meeting {
+    var meeting = Meeting(false, -1.0, vec3<f32>(0.0), NO_TRIANGLE);
+    loop {
+        meeting = next_meeting(way, meeting);
+        if !meeting.found {
+            break;
+        }
+        let t = triangle_of(meeting.triangle, way.level);
+        if surface_cover(t, way.start + way.direction * meeting.distance) > threshold {
+            break;
         }
     }
+    return meeting;
 }
 
 @compute @workgroup_size(64)
-fn meet_triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
-    let index = folded_index(group);
-    if index >= scene.chunk_count {
+fn meet_triangles(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x >= parameters.path_count {
         return;
     }
-    let chunk = chunks[index];
-    for (var i = 0u; i <= grid.further_count; i++) {
-        level = grid_level(grid, i);
-        let t = load_triangle(chunk.instance, chunk.first_triangle + lane, level.origin, level.voxel_size);
-        if t.valid {
-            look_for_ways(t);
+    let path = paths[id.x].alive;
+    if path == NO_PATH || (paths[path].first & UNSETTLED) == 0u {
+        return;
+    }
+    let count = paths[path].length;
+    let slot = vertex_slot(parameters, path, count);
+    let vertex = vertices[slot];
+    let threshold = unit_float(hash(vertex.sample));
+    var meeting = Meeting();
+    var way = Way();
+    // From where it started first.
+    for (var i = 0u; i < 2u && !meeting.found; i++) {
+        let is_start = i == 0u;
+        if is_start && count > 0u {
+            way = way_from_start(vertices[slot - 1u], vertex.incoming);
+        } else if !is_start && vertex.bounce_met != NO_CELL {
+            way = way_at_hit(vertex);
+        } else {
+            continue;
         }
+        meeting = first_meeting(way, threshold);
+    }
+    if meeting.found {
+        let place = way.start + way.direction * meeting.distance;
+        vertices[slot].position = way.level.origin + place * way.level.voxel_size;
+        vertices[slot].normal = meeting.normal;
+        paths[path].first |= ON_TRIANGLE;
     }
 }

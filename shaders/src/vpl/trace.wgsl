@@ -14,7 +14,6 @@
 //
 // Cost: one thread a path; a ray through the grid a bounce, and 24 loads for a path from a directional light.
 
-#import bevy_bounce::shared::grid::{GridLevel, grid_level, level_at}
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_area, rect_point}
 #import bevy_bounce::shared::rays::{grid, trace, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::{
@@ -27,7 +26,7 @@
 }
 #import bevy_bounce::vpl::types::{
     Vpl, Path, MET, UNSETTLED, NO_CELL, DIMENSION_BOUNCE, BRICK_WORDS, BRICK_TRIED, BRICK_ONWARD, CANDIDATES, SETTLE_RANGE,
-    vertex_slot, pack_incoming,
+    NO_PATH, vertex_slot, settle_level, pack_incoming,
 }
 
 // Path by path, `max_bounces` + 1 slots each.
@@ -144,10 +143,6 @@ fn store(slot: u32, bounce_met: u32, photon: Photon, sample: u32, incoming: u32)
     vertices[slot] = Vpl(photon.position, bounce_met, photon.normal, sample, photon.flux, incoming);
 }
 
-fn level_of(position: vec3<f32>) -> GridLevel {
-    return grid_level(grid, level_at(grid, position));
-}
-
 // To where the grid is met; `left`: bounces that are left to the path.
 fn follow(path: u32, sample: u32, start: Photon, left: u32) {
     let count = paths[path].length;
@@ -157,7 +152,7 @@ fn follow(path: u32, sample: u32, start: Photon, left: u32) {
         return;
     }
     var photon = start;
-    let skipped = select(0.0, GRID_START * level_of(photon.position).voxel_size, from_surface);
+    let skipped = select(0.0, GRID_START * settle_level(grid, photon.position).voxel_size, from_surface);
     var ray: Ray;
     ray.origin = to_grid(photon.position + photon.direction * skipped);
     ray.direction = photon.direction;
@@ -180,7 +175,7 @@ fn follow(path: u32, sample: u32, start: Photon, left: u32) {
         let way = photon.position - photon.center;
         photon.flux *= range_window(photon.range, dot(way, way));
     }
-    let way = hit.t * grid.voxel_size / level_of(photon.position).voxel_size;
+    let way = hit.t * grid.voxel_size / settle_level(grid, photon.position).voxel_size;
     let incoming = pack_incoming(photon.direction, min(way, SETTLE_RANGE));
     store(vertex_slot(parameters, path, count), cell, photon, sample, incoming);
     paths[path].first = left | UNSETTLED;
@@ -192,7 +187,7 @@ fn start_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     if path >= parameters.path_count {
         return;
     }
-    paths[path] = Path(0u, 1u, 0u);
+    paths[path] = Path(0u, 1u, 0u, NO_PATH);
     let source = source_of(path);
     if !source.found {
         return;
@@ -202,7 +197,7 @@ fn start_paths(@builtin(global_invocation_id) id: vec3<u32>) {
         photon = start_at_emitter(source);
         let incoming = pack_incoming(-photon.normal, PATH_GAP);
         store(vertex_slot(parameters, path, 0u), 0u, photon, source.sample, incoming);
-        paths[path] = Path(1u, 0u, 0u);
+        paths[path] = Path(1u, 0u, 0u, NO_PATH);
     } else {
         photon = start_at_light(source, path);
     }
@@ -212,14 +207,14 @@ fn start_paths(@builtin(global_invocation_id) id: vec3<u32>) {
 // From the surface that the last vertex was set on.
 @compute @workgroup_size(64)
 fn continue_paths(@builtin(global_invocation_id) id: vec3<u32>) {
-    let path = id.x;
-    if path >= parameters.path_count {
+    if id.x >= parameters.path_count {
+        return;
+    }
+    let path = paths[id.x].alive;
+    if path == NO_PATH {
         return;
     }
     let left = paths[path].first;
-    if left == 0u {
-        return;
-    }
     let vertex = vertices[vertex_slot(parameters, path, paths[path].length - 1u)];
     let square = sample_square(vertex.sample, DIMENSION_BOUNCE + 2u * (vertex.bounce_met & ~MET) + 1u);
     var photon: Photon;

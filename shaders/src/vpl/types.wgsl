@@ -2,6 +2,7 @@
 
 #define_import_path bevy_bounce::vpl::types
 
+#import bevy_bounce::shared::grid::{Grid, GridLevel, grid_level, to_level}
 #import bevy_bounce::shared::hilbert::HILBERT_BITS
 #import bevy_bounce::shared::octahedral::{encode_unit_8, decode_unit_8}
 
@@ -17,8 +18,23 @@ struct Vpl {
     incoming: u32,
 }
 
-/// Voxels before and behind the plane of the grid within which the surface may be that a path met in truth.
+/// Voxels before and behind the plane of the grid within which the surface may be that a path met in truth; and from where it starts within
+/// which it meets triangles. Of the grid that `settle_level` says.
 const SETTLE_RANGE: f32 = 1.5;
+
+/// The finest grid that reaches `SETTLE_RANGE` about a world position; else the coarsest.
+fn settle_level(grid: Grid, position: vec3<f32>) -> GridLevel {
+    var i = 0u;
+    while i < grid.further_count {
+        let level = grid_level(grid, i);
+        let place = to_level(level, position);
+        if all(place >= vec3<f32>(SETTLE_RANGE)) && all(place <= vec3<f32>(level.dims) - SETTLE_RANGE) {
+            break;
+        }
+        i++;
+    }
+    return grid_level(grid, i);
+}
 
 /// Direction of the light that is reflected, and how far it had come without meeting anything, voxels.
 fn pack_incoming(direction: vec3<f32>, reach: f32) -> u32 {
@@ -51,26 +67,6 @@ const BRICK_ONWARD: u32 = 2u;
 const BRICK_AREA: u32 = 3u;
 const BRICK_AREA_STEPS: f32 = 65536.0;
 
-/// In place of what a path met.
-const MEETING_NONE: u32 = 0xffffffffu;
-/// Steps of the distance at which it did.
-const MEETING_STEPS: f32 = 65534.0;
-
-/// A surface at a distance in voxels along the stretch of a path; of two, the lower word is the nearer.
-fn pack_meeting(distance: f32, normal: vec3<f32>) -> u32 {
-    let steps = u32(clamp(distance / (2.0 * SETTLE_RANGE), 0.0, 1.0) * MEETING_STEPS + 0.5);
-    return (steps << 16u) | encode_unit_8(normal);
-}
-
-/// Voxels.
-fn meeting_distance(word: u32) -> f32 {
-    return f32(word >> 16u) / MEETING_STEPS * 2.0 * SETTLE_RANGE;
-}
-
-fn meeting_normal(word: u32) -> vec3<f32> {
-    return decode_unit_8(word);
-}
-
 /// Fixed point: one light. 65,536 lights fit into a word.
 const LIGHT_SHIFT: u32 = 15u;
 
@@ -87,12 +83,17 @@ fn first_key_of_grid(grid: u32) -> u32 {
 struct Path {
     length: u32,
     first_bounce: u32,
-    // While it is traced, the bounces that are left to it, and `UNSETTLED`; then, vertices of the paths before it.
+    // While it is traced, the bounces that are left to it, `UNSETTLED` and `ON_TRIANGLE`; then, vertices of the paths before it.
     first: u32,
+    // Not of this path: as the i-th, the i-th of those that go on. `NO_PATH` where there are no more.
+    alive: u32,
 }
 
 /// Bit of `Path::first`: a vertex more is where the grid was met, and not yet set on a surface.
 const UNSETTLED: u32 = 0x80000000u;
+/// Likewise: it is where a triangle was met.
+const ON_TRIANGLE: u32 = 0x40000000u;
+const NO_PATH: u32 = 0xffffffffu;
 /// In place of the cell of such a vertex, where the grid was not met.
 const NO_CELL: u32 = 0xffffffffu;
 

@@ -3,8 +3,8 @@
 use bevy::math::Vec3;
 use bevy_bounce::VplVisibility;
 use bevy_bounce_shaders::types::{
-    AtlasParameters, BRICK_WORDS, CANDIDATES, Grid, HILBERT_BITS, Instance, MEETING_WORDS, NODE_STEPS, Occluder,
-    POINT_SUBSETS, Path, SurfacePoint, Vpl, VplHeader, VplParameters, WorldPoint,
+    AtlasParameters, BRICK_WORDS, CANDIDATES, Grid, HILBERT_BITS, Instance, NODE_STEPS, Occluder, POINT_SUBSETS, Path,
+    SurfacePoint, Vpl, VplHeader, VplParameters, WorldPoint,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::glb::{self, GlbScene};
@@ -59,7 +59,6 @@ fn light_up(scene: &TestScene, grid: &Grid, trace: Trace) -> Resources {
         .structs("paths", &vec![Path::default(); PATHS as usize])
         .zeroed("bricks", bricks * BRICK_WORDS as usize)
         .zeroed("candidates", (PATHS * CANDIDATES) as usize)
-        .zeroed("meetings", (PATHS * MEETING_WORDS) as usize)
         .structs("vpls", &vec![Vpl::default(); LIGHTS as usize])
         .structs("header", &[VplHeader::default()])
         .zeroed("vertex_count", 1)

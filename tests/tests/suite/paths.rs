@@ -8,7 +8,7 @@ use std::f32::consts::PI;
 use bevy::math::{Affine3A, Quat, Vec3};
 use bevy_bounce_shaders::types::{
     BRICK_WORDS, CANDIDATES, Grid, HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPOT, Light,
-    MEETING_WORDS, NODE_STEPS, Path, Vpl, VplHeader, VplParameters,
+    NODE_STEPS, Path, Vpl, VplHeader, VplParameters,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -53,7 +53,6 @@ impl Traced {
             .structs("paths", &vec![Path::default(); PATHS as usize])
             .zeroed("bricks", bricks * BRICK_WORDS as usize)
             .zeroed("candidates", (PATHS * CANDIDATES) as usize)
-            .zeroed("meetings", (PATHS * MEETING_WORDS) as usize)
             .structs("vpls", &vec![Vpl::default(); parameters.capacity as usize])
             .structs("header", &[VplHeader::default()]);
         let emissive = scene.chunks(|i| scene.materials[i.material as usize].emissive != Vec3::ZERO).len() as u32;

@@ -60,7 +60,7 @@ impl Workspace {
             occupied: storage(device, "bounce_voxel_occupied", leaps * 4),
             along_x: storage(device, "bounce_voxel_distance_x", leaps * 4),
             along_y: storage(device, "bounce_voxel_distance_y", leaps * 4),
-            queue: storage(device, "bounce_voxel_queue", 4 + QUEUE_ENTRIES * 12),
+            queue: storage(device, "bounce_voxel_queue", 4 + QUEUE_ENTRIES * 8),
             brick_workgroups: device.create_buffer(&BufferDescriptor {
                 label: Some("bounce_brick_workgroups"),
                 size: 12,
@@ -136,6 +136,11 @@ impl VoxelGrid {
         let grid = &self.grid;
         let after_finest = after(&GridLevel { dims: grid.dims, ..default() });
         grid.further[..grid.further_count as usize].last().map_or(after_finest, after)
+    }
+
+    /// Voxels of all nested grids.
+    pub fn voxel_count(&self) -> u32 {
+        self.end().first_voxel
     }
 
     /// Blocks of 2^3 voxels. See `leap_dims` in `shared/grid.wgsl`.

@@ -124,33 +124,27 @@ pub(super) fn trace_vpls(
             whole(&vpl.bricks),
         ],
     );
-    let places = p.file_ways.bind(
+    let (queue, brick_workgroups) = (&grid.work.queue, &grid.work.brick_workgroups);
+    let surfaces = [&scene.geometry, &scene.instances, &scene.materials, &scene.thumbnails].map(whole);
+    let triangles = [grid_uniform.clone(), scene_uniform, whole(&scene.chunks), whole(queue), whole(&vpl.lists)];
+    let triangles = p.list_triangles.bind(&device, &cache, &[&surfaces[..], &triangles].concat());
+    let bricks = p.size_bricks.bind(&device, &cache, &[whole(queue), whole(brick_workgroups)]);
+    let alive = p.gather_alive.bind(
         &device,
         &cache,
-        &[
-            parameters.clone(),
-            whole(&vpl.paths),
-            whole(vpl.vertices(&grid)),
-            whole(&vpl.way_heads),
-            whole(&vpl.meetings),
-        ],
+        &[parameters.clone(), whole(&vpl.paths), whole(&vpl.alive_count), whole(&vpl.alive_workgroups)],
     );
-    let settle = p.meet_triangles.bind(
-        &device,
-        &cache,
-        &[
-            whole(&scene.geometry),
-            whole(&scene.instances),
-            whole(&scene.materials),
-            whole(&scene.thumbnails),
-            grid_uniform,
-            scene_uniform,
-            whole(&scene.chunks),
-            whole(vpl.vertices(&grid)),
-            whole(&vpl.way_heads),
-            whole(&vpl.meetings),
-        ],
-    );
+    let settle = [
+        parameters.clone(),
+        grid_uniform,
+        whole(&scene.chunks),
+        whole(&vpl.lists),
+        whole(vpl.vertices(&grid)),
+        whole(&vpl.paths),
+    ];
+    let settle = p.meet_triangles.bind(&device, &cache, &[&surfaces[..], &settle].concat());
+    let places =
+        p.set_vertices.bind(&device, &cache, &[parameters.clone(), whole(&vpl.paths), whole(vpl.vertices(&grid))]);
     let areas = p.add_group_areas.bind(&device, &cache, &[whole(&vpl.bricks), whole(&grid.work.counters)]);
     let density = p.measure_density.bind(&device, &cache, &[parameters, whole(&vpl.bricks), whole(&vpl.densities)]);
 
@@ -171,15 +165,20 @@ pub(super) fn trace_vpls(
         let candidates = path_count * CANDIDATES;
         p.look_ahead.dispatch(encoder, &cache, &[&ahead, &grid_group], folded(candidates.div_ceil(GROUP)));
     }
+    encoder.clear_buffer(queue, 0, Some(4));
+    encoder.clear_buffer(&vpl.lists, 0, Some(u64::from(1 + grid.voxel_count()) * 4));
+    p.list_triangles.dispatch(encoder, &cache, &[&triangles], folded(scene.chunk_count()));
+    p.size_bricks.dispatch(encoder, &cache, &[&bricks], UVec3::ONE);
+    p.list_bricks.dispatch_indirect(encoder, &cache, &[&triangles], brick_workgroups);
     p.start_paths.dispatch(encoder, &cache, &[&trace, &grid_group], groups(path_count));
     for bounce in 1..=max_bounces {
+        p.gather_alive.dispatch(encoder, &cache, &[&alive], groups(path_count));
+        p.size_alive.dispatch(encoder, &cache, &[&alive], UVec3::ONE);
         if bounce > 1 {
-            p.continue_paths.dispatch(encoder, &cache, &[&trace, &grid_group], groups(path_count));
+            p.continue_paths.dispatch_indirect(encoder, &cache, &[&trace, &grid_group], &vpl.alive_workgroups);
         }
-        encoder.clear_buffer(&vpl.way_heads, 0, None);
-        p.file_ways.dispatch(encoder, &cache, &[&places, &grid_group], groups(path_count));
-        p.meet_triangles.dispatch(encoder, &cache, &[&settle], folded(scene.chunk_count()));
-        p.set_vertices.dispatch(encoder, &cache, &[&places, &grid_group], groups(path_count));
+        p.meet_triangles.dispatch_indirect(encoder, &cache, &[&settle], &vpl.alive_workgroups);
+        p.set_vertices.dispatch_indirect(encoder, &cache, &[&places, &grid_group], &vpl.alive_workgroups);
     }
     p.scan_paths.dispatch(encoder, &cache, &[&order], UVec3::ONE);
     p.write_pairs.dispatch(encoder, &cache, &[&order], groups(path_count));

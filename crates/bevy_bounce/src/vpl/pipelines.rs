@@ -15,11 +15,15 @@ pub(super) struct VplPipelines {
     pub collect_emitters: Kernel,
     pub accumulate_emitters: Kernel,
     pub look_ahead: Kernel,
+    pub list_triangles: Kernel,
+    pub size_bricks: Kernel,
+    pub list_bricks: Kernel,
     pub start_paths: Kernel,
-    pub file_ways: Kernel,
+    pub gather_alive: Kernel,
+    pub size_alive: Kernel,
+    pub continue_paths: Kernel,
     pub meet_triangles: Kernel,
     pub set_vertices: Kernel,
-    pub continue_paths: Kernel,
     pub scan_paths: Kernel,
     pub write_pairs: Kernel,
     pub scan_weights: Kernel,
@@ -35,11 +39,12 @@ impl VplPipelines {
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
         let emitters = [&self.collect_emitters, &self.accumulate_emitters];
         let paths = [&self.look_ahead, &self.start_paths, &self.continue_paths];
-        let places = [&self.file_ways, &self.meet_triangles, &self.set_vertices];
+        let places = [&self.gather_alive, &self.size_alive, &self.meet_triangles, &self.set_vertices];
+        let triangles = [&self.list_triangles, &self.size_bricks, &self.list_bricks];
         let list =
             [&self.scan_paths, &self.write_pairs, &self.scan_weights, &self.measure_nodes, &self.cut, &self.build_list];
         let densities = [&self.add_group_areas, &self.measure_density];
-        are_ready(emitters.into_iter().chain(paths).chain(places).chain(list).chain(densities), cache)
+        are_ready(emitters.into_iter().chain(paths).chain(triangles).chain(places).chain(list).chain(densities), cache)
     }
 }
 
@@ -62,10 +67,16 @@ pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let cuts = [uniform, uniform, read, read, read, read, write, write, write, write];
     // Parameters, grid; vertices, pairs, first vertices, header; list, bricks.
     let list = [uniform, uniform, read, read, read, read, write, write];
-    // Parameters; paths, vertices, heads of ways, meetings.
-    let places = [uniform, write, write, write, write];
-    // Geometry, instances, materials, thumbnails; grid, scene; chunks, vertices, heads of ways; meetings.
-    let settle = [read, read, read, read, uniform, uniform, read, read, read, write];
+    // Geometry, instances, materials, thumbnails; grid, scene; chunks, queue, lists.
+    let triangles = [read, read, read, read, uniform, uniform, read, write, write];
+    // Queue; workgroups that take it.
+    let queue = [read, write];
+    // Parameters; paths, how many go on, workgroups that take them.
+    let alive = [uniform, write, write, write];
+    // Geometry, instances, materials, thumbnails; parameters, grid; chunks, lists; vertices, paths.
+    let settle = [read, read, read, read, uniform, uniform, read, read, write, write];
+    // Parameters; paths, vertices.
+    let places = [uniform, write, write];
     // Bricks, counters.
     let areas = [write, write];
     // Parameters; bricks; densities.
@@ -74,11 +85,15 @@ pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
         collect_emitters: kernel("vpl/emitters.wgsl", "collect", &emitters, &[]),
         accumulate_emitters: kernel("vpl/emitters.wgsl", "accumulate", &emitters, &[]),
         look_ahead: kernel("vpl/look_ahead.wgsl", "look_ahead", &trace[..6], &[grid_layout()]),
+        list_triangles: kernel("vpl/fill.wgsl", "list_triangles", &triangles, &[]),
+        size_bricks: kernel("avg/bricks.wgsl", "size_bricks", &queue, &[]),
+        list_bricks: kernel("vpl/fill.wgsl", "list_bricks", &triangles, &[]),
         start_paths: kernel("vpl/trace.wgsl", "start_paths", &trace, &[grid_layout()]),
-        file_ways: kernel("vpl/places.wgsl", "file_ways", &places, &[grid_layout()]),
+        gather_alive: kernel("vpl/alive.wgsl", "gather_alive", &alive, &[]),
+        size_alive: kernel("vpl/alive.wgsl", "size_alive", &alive, &[]),
+        continue_paths: kernel("vpl/trace.wgsl", "continue_paths", &trace, &[grid_layout()]),
         meet_triangles: kernel("vpl/settle.wgsl", "meet_triangles", &settle, &[]),
         set_vertices: kernel("vpl/places.wgsl", "set_vertices", &places, &[grid_layout()]),
-        continue_paths: kernel("vpl/trace.wgsl", "continue_paths", &trace, &[grid_layout()]),
         scan_paths: kernel("vpl/order.wgsl", "scan_paths", &order, &[]),
         write_pairs: kernel("vpl/order.wgsl", "write_pairs", &order, &[]),
         scan_weights: kernel("vpl/weights.wgsl", "scan_weights", &weights, &[]),

@@ -4,7 +4,8 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::{
-    BRICK_WORDS, CANDIDATES, CHUNK_TRIANGLES, Emitter, MEETING_WORDS, NODE_STEPS, Path, Vpl, VplHeader, VplParameters,
+    BRICK_WORDS, CANDIDATES, CHUNK_TRIANGLES, Emitter, LIST_ENTRY_WORDS, NODE_STEPS, Path, Vpl, VplHeader,
+    VplParameters,
 };
 
 use crate::avg::VoxelGrid;
@@ -15,6 +16,9 @@ use crate::sort::SortBuffers;
 /// Paths traced for each virtual light there is room for. At a mean albedo a, a path has a / (1 - a) vertices: each light carries
 /// the mean of nineteen at an albedo of 0.7, and the list is full down to an albedo of a ninth.
 const PATHS_PER_VPL: u32 = 8;
+
+/// Voxels that a triangle lies in: a small one in one or two.
+const ENTRIES_PER_TRIANGLE: u64 = 2;
 
 /// Virtual lights on the GPU.
 #[derive(Resource)]
@@ -45,10 +49,11 @@ pub(crate) struct VplBuffers {
     pub densities: Buffer,
     /// The list.
     pub vpls: Buffer,
-    /// By block of the grid, the first of the ways that are filed under it. See `vpl/ways.wgsl`.
-    pub way_heads: Buffer,
-    /// What each path met, [`MEETING_WORDS`] each.
-    pub meetings: Buffer,
+    /// How many paths go on, one word; and the workgroups that take them. See `vpl/alive.wgsl`.
+    pub alive_count: Buffer,
+    pub alive_workgroups: Buffer,
+    /// Lists of the triangles in each voxel. See `vpl/lists.wgsl`.
+    pub lists: Buffer,
     /// What the list holds.
     pub header: Buffer,
     /// Emissive triangles.
@@ -75,8 +80,14 @@ impl VplBuffers {
             bricks: storage(device, "bounce_vpl_bricks", 4),
             densities: storage(device, "bounce_vpl_densities", 8),
             vpls: storage(device, "bounce_vpls", u64::from(parameters.capacity) * u64::from(Vpl::min_size())),
-            way_heads: storage(device, "bounce_path_way_heads", 4),
-            meetings: storage(device, "bounce_path_meetings", paths * u64::from(MEETING_WORDS) * 4),
+            alive_count: storage(device, "bounce_paths_alive", 4),
+            alive_workgroups: device.create_buffer(&BufferDescriptor {
+                label: Some("bounce_path_workgroups"),
+                size: 12,
+                usage: BufferUsages::STORAGE | BufferUsages::INDIRECT,
+                mapped_at_creation: false,
+            }),
+            lists: storage(device, "bounce_triangle_lists", 4),
             header: storage(device, "bounce_vpl_header", u64::from(VplHeader::min_size())),
             emitters: storage(device, "bounce_emitters", emitter_bytes(1)),
         }
@@ -100,8 +111,6 @@ impl VplBuffers {
                 self.vertices.as_ref().map_or(0, |vertices| vertices.size())
                     + self.paths.size()
                     + self.candidates.size()
-                    + self.way_heads.size()
-                    + self.meetings.size()
                     + self.bricks.size()
                     + self.densities.size(),
             ),
@@ -113,6 +122,7 @@ impl VplBuffers {
                         .map(|buffer| buffer.size())
                         .sum::<u64>(),
             ),
+            ("vpl: triangles", self.lists.size()),
             ("vpl: list", self.vpls.size() + self.header.size()),
             ("vpl: emitters", self.emitters.size()),
         ]
@@ -130,6 +140,15 @@ fn storage(device: &RenderDevice, label: &'static str, size: u64) -> Buffer {
 
 fn emitter_bytes(chunks: u32) -> u64 {
     u64::from(chunks) * u64::from(CHUNK_TRIANGLES) * u64::from(Emitter::min_size())
+}
+
+/// Lists of the triangles in so many voxels have room for as many entries as half of these, for what is larger than a voxel, and for
+/// [`ENTRIES_PER_TRIANGLE`].
+fn list_bytes(voxels: u32, chunks: u32) -> u64 {
+    let voxels = u64::from(voxels);
+    let triangles = u64::from(chunks.next_power_of_two()) * u64::from(CHUNK_TRIANGLES);
+    let entries = voxels / 2 + triangles * ENTRIES_PER_TRIANGLE;
+    (1 + voxels + entries * u64::from(LIST_ENTRY_WORDS)) * 4
 }
 
 pub(super) fn prepare_vpls(
@@ -160,7 +179,7 @@ pub(super) fn prepare_vpls(
     let (parameters, room) = (sizes(settings.vpls), sizes(stated.0));
     let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
     let bricks = grid.as_ref().map_or(0, |grid| u64::from(grid.brick_count()));
-    let heads = grid.as_ref().map_or(0, |grid| u64::from(grid.leap_count()));
+    let lists = grid.as_ref().map_or(0, |grid| list_bytes(grid.voxel_count(), scene.chunk_count()));
     let brick_words = bricks * u64::from(BRICK_WORDS);
     let shared_bytes = grid.as_ref().map_or(0, |grid| grid.work.sums.size());
     let prepare = |buffers: &mut VplBuffers| {
@@ -171,8 +190,8 @@ pub(super) fn prepare_vpls(
             buffers.bricks = storage(&device, "bounce_vpl_bricks", brick_words * 4);
             buffers.densities = storage(&device, "bounce_vpl_densities", bricks * 8);
         }
-        if buffers.way_heads.size() < heads * 4 {
-            buffers.way_heads = storage(&device, "bounce_path_way_heads", heads * 4);
+        if buffers.lists.size() < lists {
+            buffers.lists = storage(&device, "bounce_triangle_lists", lists.min(limit));
         }
         if buffers.vertex_bytes <= shared_bytes {
             buffers.vertices = None;

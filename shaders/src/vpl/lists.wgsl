@@ -1,0 +1,21 @@
+// Lists of the triangles in each voxel, by which paths find what they meet near by (`settle.wgsl`). They are filled anew each frame
+// (`fill.wgsl`).
+//
+// The buffer: entries wanted, which may be more than there is room for; for each voxel of the grid, the word of its first entry, 0 for none;
+// then per entry the triangle, and the word of the next.
+
+#define_import_path bevy_bounce::vpl::lists
+
+#import bevy_bounce::shared::grid::{Grid, GridLevel, voxel_count, voxel_index}
+
+const LIST_HEADER: u32 = 1u;
+const ENTRY_WORDS: u32 = 2u;
+
+fn first_entry(grid: Grid) -> u32 {
+    return LIST_HEADER + voxel_count(grid);
+}
+
+/// The word that holds a voxel's first entry.
+fn list_of(level: GridLevel, voxel: vec3<i32>) -> u32 {
+    return LIST_HEADER + voxel_index(level, voxel);
+}
