@@ -385,33 +385,40 @@ pub fn measure_distances(gpu: &Gpu, grid: &Grid, resources: &Resources) {
 /// Traces paths through the grid of `resources`, which also hold `parameters`, `vertices` and `paths`; each is set on what it met.
 pub fn trace_paths(gpu: &Gpu, scene: &TestScene, grid: &Grid, parameters: &VplParameters, resources: &Resources) {
     let resources = &with_lists(gpu, scene, grid, resources);
-    run(gpu, "vpl/trace.wgsl", "start_paths", resources, [parameters.path_count.div_ceil(64), 1, 1]);
-    for bounce in 1..=parameters.max_bounces {
+    run(gpu, "vpl/alive.wgsl", "begin_paths", resources, [parameters.path_count.div_ceil(64), 1, 1]);
+    for _ in 0..parameters.max_bounces {
         gather_alive(gpu, parameters, resources);
-        if bounce > 1 {
-            run_indirect(gpu, "vpl/trace.wgsl", "continue_paths", &[], resources, "alive_workgroups");
-        }
+        run_indirect(gpu, "vpl/trace.wgsl", "trace_paths", &[], resources, "alive_workgroups");
         settle(gpu, resources);
     }
 }
 
-// Adds lists of the triangles in each voxel, and what paths are gathered in.
-fn with_lists(gpu: &Gpu, scene: &TestScene, grid: &Grid, resources: &Resources) -> Resources {
+/// Adds lists of the triangles in each voxel of `grid`, which `resources` hold.
+pub fn list_triangles(
+    gpu: &Gpu,
+    scene: &TestScene,
+    grid: &Grid,
+    resources: &Resources,
+    queue_entries: Option<usize>,
+) -> Resources {
     let chunks = scene.chunks(|_| true).len() as u32;
-    let entries = count_of(grid, 1) + 8 * (chunks * CHUNK_TRIANGLES) as usize;
+    let entries = count_of(grid, 1) + 3 * (chunks * CHUNK_TRIANGLES) as usize;
     let resources = resources
         .clone()
         .zeroed("lists", 1 + count_of(grid, 1) + entries * LIST_ENTRY_WORDS as usize)
-        .zeroed("queue", 1 + 2 * QUEUE_ENTRIES)
-        .zeroed("brick_workgroups", 3)
-        .zeroed("alive_count", 1)
-        .zeroed("alive_workgroups", 3);
+        .zeroed("queue", 1 + 2 * queue_entries.unwrap_or(QUEUE_ENTRIES))
+        .zeroed("brick_workgroups", 3);
     if chunks > 0 {
-        run(gpu, "vpl/fill.wgsl", "list_triangles", &resources, [chunks, 1, 1]);
+        run(gpu, "vpl/fill_lists.wgsl", "list_triangles", &resources, [chunks, 1, 1]);
         run(gpu, "avg/bricks.wgsl", "size_bricks", &resources, [1, 1, 1]);
-        run_indirect(gpu, "vpl/fill.wgsl", "list_bricks", &[], &resources, "brick_workgroups");
+        run_indirect(gpu, "vpl/fill_lists.wgsl", "list_bricks", &[], &resources, "brick_workgroups");
     }
     resources
+}
+
+// Adds what paths are gathered in, and the lists of triangles that they look into.
+fn with_lists(gpu: &Gpu, scene: &TestScene, grid: &Grid, resources: &Resources) -> Resources {
+    list_triangles(gpu, scene, grid, resources, None).zeroed("alive_count", 1).zeroed("alive_workgroups", 3)
 }
 
 fn gather_alive(gpu: &Gpu, parameters: &VplParameters, resources: &Resources) {

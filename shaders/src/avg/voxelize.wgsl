@@ -20,6 +20,7 @@
 // column across the triangle, so that all have about as much.
 
 #import bevy_bounce::avg::queue::{QueueEntry, enqueue, queue_entry}
+#import bevy_bounce::shared::chunks::triangle_of
 #import bevy_bounce::shared::columns::{turn, turn_voxel, turn_back, column_axis}
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{
@@ -28,13 +29,12 @@
 }
 #import bevy_bounce::shared::overlap::touches_cube
 #import bevy_bounce::shared::sampling::triangle_point
-#import bevy_bounce::shared::scene::{Chunk, Scene, CHUNK_TRIANGLES}
-#import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_albedo, surface_emission, surface_cover, is_masked}
+#import bevy_bounce::shared::scene::{Scene, CHUNK_TRIANGLES}
+#import bevy_bounce::shared::triangles::{Triangle, surface_albedo, surface_emission, surface_cover, is_masked}
 
 @group(0) @binding(4) var<uniform> grid: Grid;
 @group(0) @binding(5) var<uniform> scene: Scene;
-@group(0) @binding(6) var<storage, read> chunks: array<Chunk>;
-// Binding 7: the queue.
+// Bindings 6 and 7: chunks, the queue.
 #ifdef ACCUMULATE
 @group(0) @binding(8) var<storage, read> voxels: array<u32>;
 #ifdef EMISSION
@@ -362,12 +362,6 @@ fn enqueue_bricks(t: Triangle, triangle: u32, low: vec3<i32>, high: vec3<i32>) {
     }
 }
 
-// One of those of all chunks.
-fn triangle_of(triangle: u32) -> Triangle {
-    let chunk = chunks[triangle / CHUNK_TRIANGLES];
-    return load_triangle(chunk.instance, chunk.first_triangle + triangle % CHUNK_TRIANGLES, level.origin, level.voxel_size);
-}
-
 @compute @workgroup_size(64)
 fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let index = folded_index(group);
@@ -381,7 +375,7 @@ fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     }
     level = grid_level(grid, index / count);
     let triangle = index % count * CHUNK_TRIANGLES + lane;
-    let t = triangle_of(triangle);
+    let t = triangle_of(triangle, level);
     if !t.valid {
         return;
     }
@@ -402,7 +396,7 @@ fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
 fn bricks(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let entry = queue_entry(group.x);
     level = grid_level(grid, level_of_brick(grid, entry.brick));
-    let t = triangle_of(entry.triangle);
+    let t = triangle_of(entry.triangle, level);
     let brick = vec3<i32>(brick_place(level, entry.brick));
     let axis = column_axis(t.normal);
     let corner = turn_voxel(brick * BRICK, axis);

@@ -10,6 +10,7 @@
 #define_import_path bevy_bounce::radiance_cache::group_cones
 
 #import bevy_bounce::radiance_cache::cone::{grid, Start, Step, Sides, sample_axis, meet}
+#import bevy_bounce::shared::grid::is_within
 #import bevy_bounce::shared::voxel_groups::{VoxelGroups, comes_near, to_group, way_to_group, normal_to_group, GROUP_EDGE}
 
 @group(1) @binding(6) var<uniform> voxel_groups: VoxelGroups;
@@ -25,7 +26,7 @@ fn from_grid(place: vec3<f32>) -> vec3<f32> {
 fn groups_near(origin: vec3<f32>, direction: vec3<f32>, spread: f32) -> u32 {
     var near = 0u;
     let start = from_grid(origin);
-    for (var i = 0u; i < voxel_groups.count; i++) {
+    for (var i = 0u; is_within(i, voxel_groups.count, start.x); i++) {
         let group = voxel_groups.groups[i];
         // Texels are half as wide as the cone, to the next level; what they cover fades over their whole width.
         let farthest = max(dot(group.middle - start, direction) + group.radius, 0.0);

@@ -84,9 +84,15 @@ fn grid_level(grid: Grid, level: u32) -> GridLevel {
     }
 }
 
+/// Whether a loop is not yet at the end of what a uniform counts; `own`: anything below 3e38 that is not the same in all threads, without
+/// which Mesa's software driver compiles the kernel anew at each dispatch (see CONTRIBUTING).
+fn is_within(i: u32, count: u32, own: f32) -> bool {
+    return (i < count) & (own < 3e38);
+}
+
 /// The finest grid that holds a world position; the coarsest, where none does.
 fn level_at(grid: Grid, position: vec3<f32>) -> u32 {
-    for (var i = 0u; i < grid.further_count; i++) {
+    for (var i = 0u; is_within(i, grid.further_count, position.x); i++) {
         let level = grid_level(grid, i);
         let place = to_level(level, position);
         if all(place >= vec3<f32>(0.0)) && all(place < vec3<f32>(level.dims)) {
@@ -124,7 +130,7 @@ fn leap_dims(level: GridLevel) -> vec3<u32> {
 /// The grid that a block of the distance belongs to.
 fn level_of_block(grid: Grid, block: u32) -> u32 {
     var level = 0u;
-    while level < grid.further_count && block >= grid_level(grid, level + 1u).first_block {
+    while (level < grid.further_count) & (block >= grid_level(grid, level + 1u).first_block) {
         level++;
     }
     return level;
@@ -166,7 +172,7 @@ fn brick_place(level: GridLevel, index: u32) -> vec3<u32> {
 /// The grid that a brick belongs to.
 fn level_of_brick(grid: Grid, index: u32) -> u32 {
     var level = 0u;
-    while level < grid.further_count && index >= grid_level(grid, level + 1u).first_brick {
+    while (level < grid.further_count) & (index >= grid_level(grid, level + 1u).first_brick) {
         level++;
     }
     return level;

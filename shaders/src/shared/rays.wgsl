@@ -19,7 +19,7 @@
 #define_import_path bevy_bounce::shared::rays
 
 #import bevy_bounce::shared::grid::{
-    Grid, GridLevel, Cell, grid_level, to_level, voxel_index, voxel_facings, voxel_distance, cell_plane, cell_area, cell_cover,
+    Grid, GridLevel, Cell, is_within, grid_level, to_level, voxel_index, voxel_facings, voxel_distance, cell_plane, cell_area, cell_cover,
     bounds_low, bounds_high, CELL_MASK, LEAP_BLOCK,
 }
 #import bevy_bounce::shared::octahedral::decode_unit
@@ -198,7 +198,8 @@ fn trace_world(ray: Ray) -> Hit {
     let coarsest = i32(grid.further_count);
     var done = 0.0;
     var steps = 0u;
-    for (var stage = -coarsest; stage <= coarsest; stage++) {
+    for (var i = 0u; is_within(i, 2u * grid.further_count + 1u, ray.origin.x); i++) {
+        let stage = i32(i) - coarsest;
         let index = u32(abs(stage));
         let level = grid_level(grid, index);
         var ratio = 1.0;
@@ -254,7 +255,7 @@ fn trace_group(ray: Ray, index: u32, end: f32) -> Hit {
 /// The first surface that faces the ray, other than those it stands on.
 fn trace(ray: Ray) -> Hit {
     var nearest = trace_world(ray);
-    for (var i = 0u; i < voxel_groups.count; i++) {
+    for (var i = 0u; is_within(i, voxel_groups.count, ray.origin.x); i++) {
         let hit = trace_group(ray, i, nearest.t);
         let steps = nearest.steps + hit.steps;
         if hit.found {
@@ -270,7 +271,7 @@ fn is_blocked(ray: Ray) -> bool {
     if trace_world(ray).found {
         return true;
     }
-    for (var i = 0u; i < voxel_groups.count; i++) {
+    for (var i = 0u; is_within(i, voxel_groups.count, ray.origin.x); i++) {
         if trace_group(ray, i, ray.length).found {
             return true;
         }

@@ -38,7 +38,7 @@ impl Vpl {
 pub const BRICK_WORDS: u32 = 4;
 /// Places of which a path from a directional light starts at one.
 pub const CANDIDATES: u32 = 8;
-/// Words of an entry of the lists of triangles. See `vpl/lists.wgsl`.
+/// Words of an entry of the lists of triangles. See `vpl/triangle_lists.wgsl`.
 pub const LIST_ENTRY_WORDS: u32 = 2;
 
 /// A path that was traced.
@@ -48,9 +48,9 @@ pub struct Path {
     pub length: u32,
     /// Bounce of the first one: 0 on an emissive surface, else 1.
     pub first_bounce: u32,
-    /// While it is traced, the bounces that are left to it, and [`UNSETTLED`]; then, vertices of the paths before it.
+    /// While it is traced, the bounces that are left to it, [`UNSETTLED`], and whether a triangle was met; then, vertices of the paths before it.
     pub first: u32,
-    /// Not of this path: as the i-th, the i-th of those that go on.
+    /// Not of this path: as the i-th, the i-th of those that go on; all ones where there are no more.
     pub alive: u32,
 }
 

@@ -2,7 +2,7 @@
 //
 // Cost, a bounce: a load a path, an atomic for each that goes on.
 
-#import bevy_bounce::vpl::types::{Path, VplParameters, NO_PATH}
+#import bevy_bounce::vpl::types::{Path, VplParameters, START, NO_PATH}
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
 @group(0) @binding(1) var<storage, read_write> paths: array<Path>;
@@ -12,6 +12,13 @@
 
 /// Threads of the workgroups that take them.
 const GROUP: u32 = 64u;
+
+@compute @workgroup_size(64)
+fn begin_paths(@builtin(global_invocation_id) id: vec3<u32>) {
+    if id.x < parameters.path_count {
+        paths[id.x] = Path(0u, 1u, START, NO_PATH);
+    }
+}
 
 @compute @workgroup_size(64)
 fn gather_alive(@builtin(global_invocation_id) id: vec3<u32>) {

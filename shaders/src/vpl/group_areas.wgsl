@@ -4,7 +4,7 @@
 // Cost: one thread a voxel of a group; for each of its cells four words and an addition a grid.
 
 #import bevy_bounce::shared::grid::{
-    GridLevel, grid_level, level_at, brick_at, voxel_index, voxel_facings, cell_plane, cell_area, CELL_MASK, COUNTER_AREA,
+    GridLevel, is_within, grid_level, level_at, brick_at, voxel_index, voxel_facings, cell_plane, cell_area, CELL_MASK, COUNTER_AREA,
     COUNTER_AREA_STEPS,
 }
 #import bevy_bounce::shared::groups::folded_index
@@ -21,7 +21,7 @@
 // Square world units. Steps are rounded up as often as their fractions say: sums of however small areas are right in the mean.
 fn add_area(position: vec3<f32>, area: f32, cell: u32) {
     let chance = unit_float(hash(cell));
-    for (var i = level_at(grid, position); i <= grid.further_count; i++) {
+    for (var i = level_at(grid, position); is_within(i, grid.further_count + 1u, position.x); i++) {
         let level = grid_level(grid, i);
         let faces = area / (level.voxel_size * level.voxel_size);
         atomicAdd(&bricks[brick_at(level, position) * BRICK_WORDS + BRICK_AREA], u32(faces * BRICK_AREA_STEPS + chance));

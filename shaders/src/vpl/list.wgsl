@@ -12,7 +12,7 @@
 // Cost: a thread a light; two loads a vertex, and an atomic addition for each grid that holds it.
 
 #import bevy_bounce::shared::sampling::waiting_time
-#import bevy_bounce::shared::grid::{Grid, grid_level, level_at, brick_at}
+#import bevy_bounce::shared::grid::{Grid, is_within, grid_level, level_at, brick_at}
 #import bevy_bounce::vpl::types::{
     Vpl, VplHeader, VplParameters, SUBSETS, BRICK_WORDS, BRICK_LIGHTS, LIGHT_SHIFT, MET, vertex_slot, luminance,
 }
@@ -30,7 +30,7 @@
 @group(0) @binding(7) var<storage, read_write> bricks: array<atomic<u32>>;
 
 fn count_in_bricks(position: vec3<f32>, part: u32) {
-    for (var level = level_at(grid, position); level <= grid.further_count; level++) {
+    for (var level = level_at(grid, position); is_within(level, grid.further_count + 1u, position.x); level++) {
         atomicAdd(&bricks[brick_at(grid_level(grid, level), position) * BRICK_WORDS + BRICK_LIGHTS], part);
     }
 }

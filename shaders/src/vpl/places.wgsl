@@ -3,7 +3,7 @@
 //
 // Cost: one thread a path that goes on; the cells of a voxel in each grid and group that it is in.
 
-#import bevy_bounce::shared::grid::{GridLevel, level_of, to_level, voxel_index, voxel_facings, cell_area, CELL_MASK}
+#import bevy_bounce::shared::grid::{GridLevel, is_within, level_of, to_level, voxel_index, voxel_facings, cell_area, CELL_MASK}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, voxels, cells, voxel_groups}
 #import bevy_bounce::shared::sampling::sample_square
@@ -44,7 +44,7 @@ fn match_voxel(best: Match, level: GridLevel, place: vec3<f32>, normal: vec3<f32
 fn cell_at(position: vec3<f32>, normal: vec3<f32>, otherwise: u32) -> u32 {
     let level = level_of(grid, position);
     var best = match_voxel(Match(otherwise, 0.0), level, to_level(level, position), normal);
-    for (var i = 0u; i < voxel_groups.count; i++) {
+    for (var i = 0u; is_within(i, voxel_groups.count, position.x); i++) {
         let group = voxel_groups.groups[i];
         best = match_voxel(best, group_level(group), to_group(group, position), normal_to_group(group, normal));
     }

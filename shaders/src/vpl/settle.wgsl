@@ -1,16 +1,16 @@
 // What each path met first, near where it met the grid and near where it started: a voxel knows only the mean of the surfaces in it,
 // behind which lights would be buried by every ledge and fold, and which tells nothing of what is next to a surface in a corner.
 //
-// Either way goes from voxel to voxel, through the lists of the triangles in these (`lists.wgsl`).
+// Either way goes from voxel to voxel, through the lists of the triangles in these (`triangle_lists.wgsl`).
 //
 // Cost, a bounce: one thread a path that goes on; up to fourteen voxels, and for each triangle in their lists about 30 loads and 80
 // operations; as much again for each hole that it passes.
 
+#import bevy_bounce::shared::chunks::triangle_of
 #import bevy_bounce::shared::grid::{Grid, GridLevel, to_level}
 #import bevy_bounce::shared::sampling::{hash, unit_float}
-#import bevy_bounce::shared::scene::{Chunk, CHUNK_TRIANGLES}
-#import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_cover}
-#import bevy_bounce::vpl::lists::list_of
+#import bevy_bounce::shared::triangles::{Triangle, surface_cover}
+#import bevy_bounce::vpl::triangle_lists::list_of
 #import bevy_bounce::vpl::types::{
     Vpl, VplParameters, Path, UNSETTLED, ON_TRIANGLE, NO_CELL, NO_PATH, SETTLE_RANGE, vertex_slot, settle_level, incoming_direction,
     incoming_reach,
@@ -18,7 +18,7 @@
 
 @group(0) @binding(4) var<uniform> parameters: VplParameters;
 @group(0) @binding(5) var<uniform> grid: Grid;
-@group(0) @binding(6) var<storage, read> chunks: array<Chunk>;
+// Binding 6: chunks.
 @group(0) @binding(7) var<storage, read> lists: array<u32>;
 @group(0) @binding(8) var<storage, read_write> vertices: array<Vpl>;
 @group(0) @binding(9) var<storage, read_write> paths: array<Path>;
@@ -79,11 +79,6 @@ fn meet(way: Way, t: Triangle) -> f32 {
     let place = vec3<f32>(dot(from_a, p), dot(way.direction, q), dot(ac, q)) / determinant;
     let inside = place.x >= 0.0 && place.y >= 0.0 && place.x + place.y <= 1.0 && place.z <= way.length;
     return select(-1.0, place.z, inside);
-}
-
-fn triangle_of(triangle: u32, level: GridLevel) -> Triangle {
-    let chunk = chunks[triangle / CHUNK_TRIANGLES];
-    return load_triangle(chunk.instance, chunk.first_triangle + triangle % CHUNK_TRIANGLES, level.origin, level.voxel_size);
 }
 
 // Whether one comes before another. Of two at once, that with the lower number: lists are in no order.
@@ -162,7 +157,7 @@ fn meet_triangles(@builtin(global_invocation_id) id: vec3<u32>) {
     let threshold = unit_float(hash(vertex.sample));
     var meeting = Meeting();
     var way = Way();
-    // From where it started first.
+    // From where it started first. A loop, so that what it calls is there once.
     for (var i = 0u; i < 2u && !meeting.found; i++) {
         let is_start = i == 0u;
         if is_start && count > 0u {

@@ -4,6 +4,7 @@
 
 #define_import_path bevy_bounce::vpl::starts
 
+#import bevy_bounce::shared::grid::is_within
 #import bevy_bounce::shared::rays::grid
 #import bevy_bounce::shared::sampling::sample_square
 #import bevy_bounce::shared::scene::{Light, Scene, Region, projected_area, CHUNK_TRIANGLES}
@@ -174,7 +175,7 @@ fn lit_areas(region: Region, light: Light) -> vec3<f32> {
 // The same of all regions, each with its weight.
 fn weighted_area(light: Light) -> f32 {
     var sum = 0.0;
-    for (var i = 0u; i < scene.region_count; i++) {
+    for (var i = 0u; is_within(i, scene.region_count, light.direction.x); i++) {
         sum += scene.regions[i].weight * projected_area(scene.regions[i], light.direction);
     }
     return sum;
@@ -189,7 +190,7 @@ fn start_density(light: Light, point: vec3<f32>, through: u32) -> f32 {
     let tiny = vec3<f32>(1e-6);
     let inverse = 1.0 / select(light.direction, tiny, abs(light.direction) < tiny);
     var density = 0.0;
-    for (var i = 0u; i < scene.region_count; i++) {
+    for (var i = 0u; is_within(i, scene.region_count, point.x); i++) {
         let a = (scene.regions[i].min - point) * inverse;
         let b = (scene.regions[i].max - point) * inverse;
         let low = min(a, b);
@@ -204,7 +205,7 @@ fn start_density(light: Light, point: vec3<f32>, through: u32) -> f32 {
 // The region that a path starts in, chosen in proportion to weight and lit area.
 fn choose_region(light: Light, sample: u32) -> u32 {
     var left = sample_square(sample, DIMENSION_CHOICE).y * weighted_area(light);
-    for (var i = 0u; i + 1u < scene.region_count; i++) {
+    for (var i = 0u; is_within(i + 1u, scene.region_count, left); i++) {
         left -= scene.regions[i].weight * projected_area(scene.regions[i], light.direction);
         if left < 0.0 {
             return i;

@@ -12,7 +12,7 @@
 // the grid and near where they started, and light goes on from there. Between the planes of voxels it would come into closed things, and
 // light them from within instead of what is near it.
 //
-// Cost: one thread a path; a ray through the grid a bounce, and 24 loads for a path from a directional light.
+// Cost: one thread a path, after the first bounce one that goes on; a ray through the grid a bounce, and 24 loads for a path from a directional light.
 
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_area, rect_point}
 #import bevy_bounce::shared::rays::{grid, trace, to_grid, to_world, Ray}
@@ -26,7 +26,7 @@
 }
 #import bevy_bounce::vpl::types::{
     Vpl, Path, MET, UNSETTLED, NO_CELL, DIMENSION_BOUNCE, BRICK_WORDS, BRICK_TRIED, BRICK_ONWARD, CANDIDATES, SETTLE_RANGE,
-    NO_PATH, vertex_slot, settle_level, pack_incoming,
+    NO_PATH, START, vertex_slot, settle_level, pack_incoming,
 }
 
 // Path by path, `max_bounces` + 1 slots each.
@@ -181,32 +181,32 @@ fn follow(path: u32, sample: u32, start: Photon, left: u32) {
     paths[path].first = left | UNSETTLED;
 }
 
-@compute @workgroup_size(64)
-fn start_paths(@builtin(global_invocation_id) id: vec3<u32>) {
-    let path = id.x;
-    if path >= parameters.path_count {
-        return;
+// Where a path begins: at a light, or at an emitter, which is its first vertex.
+fn start(path: u32, source: Source) -> Photon {
+    if !source.is_emitter {
+        return start_at_light(source, path);
     }
-    paths[path] = Path(0u, 1u, 0u, NO_PATH);
-    let source = source_of(path);
-    if !source.found {
-        return;
-    }
-    var photon: Photon;
-    if source.is_emitter {
-        photon = start_at_emitter(source);
-        let incoming = pack_incoming(-photon.normal, PATH_GAP);
-        store(vertex_slot(parameters, path, 0u), 0u, photon, source.sample, incoming);
-        paths[path] = Path(1u, 0u, 0u, NO_PATH);
-    } else {
-        photon = start_at_light(source, path);
-    }
-    follow(path, source.sample, photon, min(parameters.max_bounces, photon.max_bounces));
+    let photon = start_at_emitter(source);
+    store(vertex_slot(parameters, path, 0u), 0u, photon, source.sample, pack_incoming(-photon.normal, PATH_GAP));
+    paths[path].length = 1u;
+    paths[path].first_bounce = 0u;
+    return photon;
 }
 
-// From the surface that the last vertex was set on.
+// Where it goes on: from the surface that its last vertex was set on.
+fn go_on(vertex: Vpl) -> Photon {
+    let square = sample_square(vertex.sample, DIMENSION_BOUNCE + 2u * (vertex.bounce_met & ~MET) + 1u);
+    var photon: Photon;
+    photon.position = vertex.position;
+    photon.normal = vertex.normal;
+    photon.direction = cosine_direction(vertex.normal, square);
+    photon.flux = vertex.flux;
+    return photon;
+}
+
+// A bounce of each path that goes on. One kernel for the first and all others: rays are much code.
 @compute @workgroup_size(64)
-fn continue_paths(@builtin(global_invocation_id) id: vec3<u32>) {
+fn trace_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     if id.x >= parameters.path_count {
         return;
     }
@@ -214,13 +214,21 @@ fn continue_paths(@builtin(global_invocation_id) id: vec3<u32>) {
     if path == NO_PATH {
         return;
     }
-    let left = paths[path].first;
-    let vertex = vertices[vertex_slot(parameters, path, paths[path].length - 1u)];
-    let square = sample_square(vertex.sample, DIMENSION_BOUNCE + 2u * (vertex.bounce_met & ~MET) + 1u);
+    var left = paths[path].first;
     var photon: Photon;
-    photon.position = vertex.position;
-    photon.normal = vertex.normal;
-    photon.direction = cosine_direction(vertex.normal, square);
-    photon.flux = vertex.flux;
-    follow(path, vertex.sample, photon, left);
+    var sample = 0u;
+    if left == START {
+        let source = source_of(path);
+        left = 0u;
+        if source.found {
+            photon = start(path, source);
+            sample = source.sample;
+            left = min(parameters.max_bounces, photon.max_bounces);
+        }
+    } else {
+        let vertex = vertices[vertex_slot(parameters, path, paths[path].length - 1u)];
+        photon = go_on(vertex);
+        sample = vertex.sample;
+    }
+    follow(path, sample, photon, left);
 }

@@ -2,7 +2,7 @@
 
 #define_import_path bevy_bounce::vpl::types
 
-#import bevy_bounce::shared::grid::{Grid, GridLevel, grid_level, to_level}
+#import bevy_bounce::shared::grid::{Grid, GridLevel, is_within, grid_level, to_level}
 #import bevy_bounce::shared::hilbert::HILBERT_BITS
 #import bevy_bounce::shared::octahedral::{encode_unit_8, decode_unit_8}
 
@@ -25,7 +25,7 @@ const SETTLE_RANGE: f32 = 1.5;
 /// The finest grid that reaches `SETTLE_RANGE` about a world position; else the coarsest.
 fn settle_level(grid: Grid, position: vec3<f32>) -> GridLevel {
     var i = 0u;
-    while i < grid.further_count {
+    while is_within(i, grid.further_count, position.x) {
         let level = grid_level(grid, i);
         let place = to_level(level, position);
         if all(place >= vec3<f32>(SETTLE_RANGE)) && all(place <= vec3<f32>(level.dims) - SETTLE_RANGE) {
@@ -83,7 +83,7 @@ fn first_key_of_grid(grid: u32) -> u32 {
 struct Path {
     length: u32,
     first_bounce: u32,
-    // While it is traced, the bounces that are left to it, `UNSETTLED` and `ON_TRIANGLE`; then, vertices of the paths before it.
+    // While it is traced, the bounces that are left to it or `START`, `UNSETTLED` and `ON_TRIANGLE`; then, vertices of the paths before it.
     first: u32,
     // Not of this path: as the i-th, the i-th of those that go on. `NO_PATH` where there are no more.
     alive: u32,
@@ -93,6 +93,8 @@ struct Path {
 const UNSETTLED: u32 = 0x80000000u;
 /// Likewise: it is where a triangle was met.
 const ON_TRIANGLE: u32 = 0x40000000u;
+/// In place of the bounces that are left to it: it begins.
+const START: u32 = 0x20000000u;
 const NO_PATH: u32 = 0xffffffffu;
 /// In place of the cell of such a vertex, where the grid was not met.
 const NO_CELL: u32 = 0xffffffffu;

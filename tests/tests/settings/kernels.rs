@@ -36,7 +36,7 @@ fn an_app_compiles_what_it_uses() {
         app.add_plugins(CornellPlugin);
     });
     let compiled = compiled(&stage);
-    assert!(compiled.contains("vpl/trace.wgsl:start_paths"), "{compiled:?}");
+    assert!(compiled.contains("vpl/trace.wgsl:trace_paths"), "{compiled:?}");
     for folder in ["cssm", "debug", "fog", "history", "probes", "radiance_cache", "shadow_atlas", "ssbc"] {
         let unused: Vec<_> = compiled.iter().filter(|kernel| kernel.starts_with(folder)).collect();
         assert!(unused.is_empty(), "{unused:?}");

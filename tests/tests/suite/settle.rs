@@ -1,11 +1,12 @@
 //! Virtual lights are set on the first surface that their path met.
 
+use std::collections::BTreeSet;
 use std::f32::consts::{PI, TAU};
 
-use bevy::math::{Affine3A, Vec3, Vec4};
-use bevy_bounce_shaders::types::{INSTANCE_TWO_SIDED, Material, Vpl};
+use bevy::math::{Affine3A, UVec3, Vec3, Vec4};
+use bevy_bounce_shaders::types::{CHUNK_TRIANGLES, Grid, INSTANCE_TWO_SIDED, LIST_ENTRY_WORDS, Material, Vpl};
 use bevy_bounce_tests::gpu::gpu;
-use bevy_bounce_tests::scene::{TestScene, settled};
+use bevy_bounce_tests::scene::{TestScene, list_triangles, settled};
 
 use crate::paths::{Traced, point_light};
 use crate::shadow_atlas::pack_incoming;
@@ -127,4 +128,62 @@ fn no_light_comes_into_closed_things() {
         println!("bounce {bounce}: {share:.4} of the light within cushions");
         assert!(share < 0.01, "bounce {bounce}: {share} of the light within cushions");
     }
+}
+
+/// Voxel and triangle of each entry of the lists; none is there twice.
+fn listed(scene: &TestScene, grid: &Grid, queue_entries: Option<usize>) -> BTreeSet<(usize, u32)> {
+    let resources = scene.resources(gpu()).uniform("grid", grid);
+    let lists = list_triangles(gpu(), scene, grid, &resources, queue_entries).read_words("lists").expect("reads back");
+    let voxels = grid.dims.element_product() as usize;
+    let mut entries = BTreeSet::new();
+    for voxel in 0..voxels {
+        let mut next = lists[1 + voxel] as usize;
+        while next != 0 {
+            assert!(entries.insert((voxel, lists[next])), "triangle {} is in voxel {voxel} twice", lists[next]);
+            next = lists[next + 1] as usize;
+        }
+    }
+    assert_eq!(entries.len(), lists[0] as usize, "entries are left out");
+    assert!(1 + voxels + entries.len() * LIST_ENTRY_WORDS as usize <= lists.len());
+    entries
+}
+
+/// Large triangles by the queue of bricks or, where that is full, without: each is in the list of every voxel that it goes through, and of
+/// none that it does not come near.
+#[test]
+fn triangles_are_listed_where_they_are() {
+    let mut scene = TestScene::new(Vec3::splat(0.5));
+    let floor = square(Vec3::ZERO, 6.0);
+    let shell = cushion(Vec3::new(0.4, 1.0, -0.3), Vec3::new(0.8, 0.3, 0.6));
+    scene.soup(&floor);
+    scene.mesh(&shell, 0, 0, Affine3A::IDENTITY);
+    let grid = scene.grid(VOXEL);
+    let entries = listed(&scene, &grid, None);
+    assert_eq!(listed(&scene, &grid, Some(3)), entries);
+    let voxel_of = |point: Vec3| ((point - grid.origin) / grid.voxel_size).floor().as_uvec3();
+    let index_of = |voxel: UVec3| ((voxel.z * grid.dims.y + voxel.y) * grid.dims.x + voxel.x) as usize;
+    // Each mesh begins with a chunk of its own.
+    let numbered = (0..).zip(floor).chain((CHUNK_TRIANGLES..).zip(shell));
+    let mut inside = BTreeSet::new();
+    for (triangle, [a, b, c]) in numbered.clone() {
+        for i in 0..=60 {
+            for j in 0..=60 - i {
+                let point = a + (b - a) * (i as f32 / 60.0) + (c - a) * (j as f32 / 60.0);
+                inside.insert((index_of(voxel_of(point)), triangle));
+            }
+        }
+    }
+    let missed: Vec<_> = inside.difference(&entries).collect();
+    assert!(missed.is_empty(), "{} of {} are not listed: {:?}", missed.len(), inside.len(), missed.first());
+    for (triangle, corners) in numbered {
+        let [low, high] = [Vec3::min, Vec3::max].map(|of| of(corners[0], of(corners[1], corners[2])));
+        let (first, last) = (voxel_of(low - 2e-3 * VOXEL), voxel_of(high + 2e-3 * VOXEL));
+        let near = |voxel: usize| {
+            let (x, y) = (voxel as u32 % grid.dims.x, voxel as u32 / grid.dims.x);
+            let place = UVec3::new(x, y % grid.dims.y, y / grid.dims.y);
+            place.cmpge(first).all() && place.cmple(last).all()
+        };
+        assert!(entries.iter().all(|&(voxel, listed)| listed != triangle || near(voxel)), "triangle {triangle}");
+    }
+    println!("{} entries, {} of them by points on the triangles", entries.len(), inside.len());
 }

@@ -13,7 +13,7 @@
 //! | `cells` | 2 MiB | albedo, share of rays that is stopped, normal, plane, area, bounds: 16 bytes each, room for one cell per two voxels |
 //! | `sums` | 10.5 MiB | their fixed-point sums |
 //! | `occupied`, `along_x`, `along_y` | 1.5 MiB | distances in blocks of 2^3 voxels, axis by axis |
-//! | `queue` | 0.5 MiB | bricks of large triangles |
+//! | `queue` | 0.5 MiB | bricks of large triangles; then those that lists of triangles are filled from |
 //!
 //! The albedo of a cell is the mean of its surfaces as long as they have room side by side; the more they lie behind each other (their area
 //! across the facing's axis against that of their bounds), the more those in front count: a panel on a wall has its own colour.

@@ -6,7 +6,7 @@
 //! | buffer | bytes at 1024 lights, 12 bounces | holds |
 //! |---|---|---|
 //! | `vertices` | 4.9 MiB, in the sums of the voxel grid where these are as large | path by path, where it was reflected |
-//! | `paths` | 96 KiB | vertices of each path, and how many come before |
+//! | `paths` | 128 KiB | vertices of each path, and how many come before; which paths go on |
 //! | `candidates` | 256 KiB | where light from places falls in which paths from suns and the sky may start |
 //! | `order` | 1.7 MiB | key and slot of each vertex, twice for the sort |
 //! | `starts` | 416 KiB | what the vertices before each weigh |
@@ -15,8 +15,8 @@
 //! | `bricks` | 8 KiB | lights in each brick of the grid, what light from the candidates falls into it, and area of groups |
 //! | `densities` | 4 KiB | lights and area of the surfaces in each brick |
 //! | `vpls` | 48 KiB | the list: position, normal, flux |
-//! | `meetings` | 416 KiB | which surface each path met, near where it met the grid and near its start; lists of what else is filed where |
-//! | `way_heads` | 128 KiB at 64^3 voxels | the first of the ways filed under each block of 2^3 voxels |
+//! | `alive_count`, `alive_workgroups` | 16 B | how many paths go on; which these are is in `paths` |
+//! | `triangle_lists` | 3 MiB at 64^3 voxels, 30 B a triangle | the triangles in each voxel |
 //! | `header` | 80 B | where each of the sixteen subsets begins, paths, mean bound of the geometry term |
 //! | `emitters` | 80 B a triangle | emissive triangles and the running sum of their power |
 //!

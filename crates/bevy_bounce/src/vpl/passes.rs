@@ -76,7 +76,7 @@ pub(super) fn trace_vpls(
         whole(&vpl.paths),
     ];
     let ahead = p.look_ahead.bind(&device, &cache, &trace_bindings[..6]);
-    let trace = p.start_paths.bind(&device, &cache, &trace_bindings);
+    let trace = p.trace_paths.bind(&device, &cache, &trace_bindings);
     let order = p.scan_paths.bind(
         &device,
         &cache,
@@ -126,7 +126,8 @@ pub(super) fn trace_vpls(
     );
     let (queue, brick_workgroups) = (&grid.work.queue, &grid.work.brick_workgroups);
     let surfaces = [&scene.geometry, &scene.instances, &scene.materials, &scene.thumbnails].map(whole);
-    let triangles = [grid_uniform.clone(), scene_uniform, whole(&scene.chunks), whole(queue), whole(&vpl.lists)];
+    let triangles =
+        [grid_uniform.clone(), scene_uniform, whole(&scene.chunks), whole(queue), whole(&vpl.triangle_lists)];
     let triangles = p.list_triangles.bind(&device, &cache, &[&surfaces[..], &triangles].concat());
     let bricks = p.size_bricks.bind(&device, &cache, &[whole(queue), whole(brick_workgroups)]);
     let alive = p.gather_alive.bind(
@@ -138,7 +139,7 @@ pub(super) fn trace_vpls(
         parameters.clone(),
         grid_uniform,
         whole(&scene.chunks),
-        whole(&vpl.lists),
+        whole(&vpl.triangle_lists),
         whole(vpl.vertices(&grid)),
         whole(&vpl.paths),
     ];
@@ -166,17 +167,16 @@ pub(super) fn trace_vpls(
         p.look_ahead.dispatch(encoder, &cache, &[&ahead, &grid_group], folded(candidates.div_ceil(GROUP)));
     }
     encoder.clear_buffer(queue, 0, Some(4));
-    encoder.clear_buffer(&vpl.lists, 0, Some(u64::from(1 + grid.voxel_count()) * 4));
+    let heads = u64::from(1 + grid.voxel_count()) * 4;
+    encoder.clear_buffer(&vpl.triangle_lists, 0, Some(heads.min(vpl.triangle_lists.size())));
     p.list_triangles.dispatch(encoder, &cache, &[&triangles], folded(scene.chunk_count()));
     p.size_bricks.dispatch(encoder, &cache, &[&bricks], UVec3::ONE);
     p.list_bricks.dispatch_indirect(encoder, &cache, &[&triangles], brick_workgroups);
-    p.start_paths.dispatch(encoder, &cache, &[&trace, &grid_group], groups(path_count));
-    for bounce in 1..=max_bounces {
+    p.begin_paths.dispatch(encoder, &cache, &[&alive], groups(path_count));
+    for _ in 0..max_bounces {
         p.gather_alive.dispatch(encoder, &cache, &[&alive], groups(path_count));
         p.size_alive.dispatch(encoder, &cache, &[&alive], UVec3::ONE);
-        if bounce > 1 {
-            p.continue_paths.dispatch_indirect(encoder, &cache, &[&trace, &grid_group], &vpl.alive_workgroups);
-        }
+        p.trace_paths.dispatch_indirect(encoder, &cache, &[&trace, &grid_group], &vpl.alive_workgroups);
         p.meet_triangles.dispatch_indirect(encoder, &cache, &[&settle], &vpl.alive_workgroups);
         p.set_vertices.dispatch_indirect(encoder, &cache, &[&places, &grid_group], &vpl.alive_workgroups);
     }

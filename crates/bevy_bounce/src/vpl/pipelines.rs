@@ -18,10 +18,10 @@ pub(super) struct VplPipelines {
     pub list_triangles: Kernel,
     pub size_bricks: Kernel,
     pub list_bricks: Kernel,
-    pub start_paths: Kernel,
+    pub begin_paths: Kernel,
     pub gather_alive: Kernel,
     pub size_alive: Kernel,
-    pub continue_paths: Kernel,
+    pub trace_paths: Kernel,
     pub meet_triangles: Kernel,
     pub set_vertices: Kernel,
     pub scan_paths: Kernel,
@@ -38,7 +38,7 @@ impl VplPipelines {
     /// Whether all are compiled.
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
         let emitters = [&self.collect_emitters, &self.accumulate_emitters];
-        let paths = [&self.look_ahead, &self.start_paths, &self.continue_paths];
+        let paths = [&self.look_ahead, &self.begin_paths, &self.trace_paths];
         let places = [&self.gather_alive, &self.size_alive, &self.meet_triangles, &self.set_vertices];
         let triangles = [&self.list_triangles, &self.size_bricks, &self.list_bricks];
         let list =
@@ -85,13 +85,13 @@ pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
         collect_emitters: kernel("vpl/emitters.wgsl", "collect", &emitters, &[]),
         accumulate_emitters: kernel("vpl/emitters.wgsl", "accumulate", &emitters, &[]),
         look_ahead: kernel("vpl/look_ahead.wgsl", "look_ahead", &trace[..6], &[grid_layout()]),
-        list_triangles: kernel("vpl/fill.wgsl", "list_triangles", &triangles, &[]),
+        list_triangles: kernel("vpl/fill_lists.wgsl", "list_triangles", &triangles, &[]),
         size_bricks: kernel("avg/bricks.wgsl", "size_bricks", &queue, &[]),
-        list_bricks: kernel("vpl/fill.wgsl", "list_bricks", &triangles, &[]),
-        start_paths: kernel("vpl/trace.wgsl", "start_paths", &trace, &[grid_layout()]),
+        list_bricks: kernel("vpl/fill_lists.wgsl", "list_bricks", &triangles, &[]),
+        begin_paths: kernel("vpl/alive.wgsl", "begin_paths", &alive, &[]),
         gather_alive: kernel("vpl/alive.wgsl", "gather_alive", &alive, &[]),
         size_alive: kernel("vpl/alive.wgsl", "size_alive", &alive, &[]),
-        continue_paths: kernel("vpl/trace.wgsl", "continue_paths", &trace, &[grid_layout()]),
+        trace_paths: kernel("vpl/trace.wgsl", "trace_paths", &trace, &[grid_layout()]),
         meet_triangles: kernel("vpl/settle.wgsl", "meet_triangles", &settle, &[]),
         set_vertices: kernel("vpl/places.wgsl", "set_vertices", &places, &[grid_layout()]),
         scan_paths: kernel("vpl/order.wgsl", "scan_paths", &order, &[]),

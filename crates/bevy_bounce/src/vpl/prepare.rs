@@ -17,8 +17,8 @@ use crate::sort::SortBuffers;
 /// the mean of nineteen at an albedo of 0.7, and the list is full down to an albedo of a ninth.
 const PATHS_PER_VPL: u32 = 8;
 
-/// Voxels that a triangle lies in: a small one in one or two.
-const ENTRIES_PER_TRIANGLE: u64 = 2;
+/// Voxels that a triangle lies in: a small one in one or two of a grid.
+const ENTRIES_PER_TRIANGLE: u64 = 3;
 
 /// Virtual lights on the GPU.
 #[derive(Resource)]
@@ -52,8 +52,8 @@ pub(crate) struct VplBuffers {
     /// How many paths go on, one word; and the workgroups that take them. See `vpl/alive.wgsl`.
     pub alive_count: Buffer,
     pub alive_workgroups: Buffer,
-    /// Lists of the triangles in each voxel. See `vpl/lists.wgsl`.
-    pub lists: Buffer,
+    /// Triangles in each voxel. See `vpl/triangle_lists.wgsl`.
+    pub triangle_lists: Buffer,
     /// What the list holds.
     pub header: Buffer,
     /// Emissive triangles.
@@ -87,7 +87,7 @@ impl VplBuffers {
                 usage: BufferUsages::STORAGE | BufferUsages::INDIRECT,
                 mapped_at_creation: false,
             }),
-            lists: storage(device, "bounce_triangle_lists", 4),
+            triangle_lists: storage(device, "bounce_triangle_lists", 4),
             header: storage(device, "bounce_vpl_header", u64::from(VplHeader::min_size())),
             emitters: storage(device, "bounce_emitters", emitter_bytes(1)),
         }
@@ -122,7 +122,7 @@ impl VplBuffers {
                         .map(|buffer| buffer.size())
                         .sum::<u64>(),
             ),
-            ("vpl: triangles", self.lists.size()),
+            ("vpl: triangles", self.triangle_lists.size()),
             ("vpl: list", self.vpls.size() + self.header.size()),
             ("vpl: emitters", self.emitters.size()),
         ]
@@ -142,12 +142,10 @@ fn emitter_bytes(chunks: u32) -> u64 {
     u64::from(chunks) * u64::from(CHUNK_TRIANGLES) * u64::from(Emitter::min_size())
 }
 
-/// Lists of the triangles in so many voxels have room for as many entries as half of these, for what is larger than a voxel, and for
+/// Lists of the triangles in so many voxels have room for as many entries as there are voxels, for what is larger than one, and for
 /// [`ENTRIES_PER_TRIANGLE`].
-fn list_bytes(voxels: u32, chunks: u32) -> u64 {
-    let voxels = u64::from(voxels);
-    let triangles = u64::from(chunks.next_power_of_two()) * u64::from(CHUNK_TRIANGLES);
-    let entries = voxels / 2 + triangles * ENTRIES_PER_TRIANGLE;
+fn list_bytes(voxels: u64, triangles: u64) -> u64 {
+    let entries = voxels + triangles * ENTRIES_PER_TRIANGLE;
     (1 + voxels + entries * u64::from(LIST_ENTRY_WORDS)) * 4
 }
 
@@ -179,7 +177,10 @@ pub(super) fn prepare_vpls(
     let (parameters, room) = (sizes(settings.vpls), sizes(stated.0));
     let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
     let bricks = grid.as_ref().map_or(0, |grid| u64::from(grid.brick_count()));
-    let lists = grid.as_ref().map_or(0, |grid| list_bytes(grid.voxel_count(), scene.chunk_count()));
+    let voxels = grid.as_ref().map_or(0, |grid| grid.world_voxels().1 / 4);
+    let triangles = u64::from(scene.chunk_count()) * u64::from(CHUNK_TRIANGLES);
+    let list_limit = limit & !3;
+    let lists = list_bytes(voxels, triangles).min(list_limit);
     let brick_words = bricks * u64::from(BRICK_WORDS);
     let shared_bytes = grid.as_ref().map_or(0, |grid| grid.work.sums.size());
     let prepare = |buffers: &mut VplBuffers| {
@@ -190,8 +191,12 @@ pub(super) fn prepare_vpls(
             buffers.bricks = storage(&device, "bounce_vpl_bricks", brick_words * 4);
             buffers.densities = storage(&device, "bounce_vpl_densities", bricks * 8);
         }
-        if buffers.lists.size() < lists {
-            buffers.lists = storage(&device, "bounce_triangle_lists", lists.min(limit));
+        if buffers.triangle_lists.size() < lists {
+            buffers.triangle_lists = storage(
+                &device,
+                "bounce_triangle_lists",
+                list_bytes(voxels, triangles + triangles / 4).min(list_limit),
+            );
         }
         if buffers.vertex_bytes <= shared_bytes {
             buffers.vertices = None;
