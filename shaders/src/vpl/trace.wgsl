@@ -12,7 +12,8 @@
 // the grid and near where they started, and light goes on from there. Between the planes of voxels it would come into closed things, and
 // light them from within instead of what is near it.
 //
-// Cost: one thread a path, after the first bounce one that goes on; a ray through the grid a bounce, and 24 loads for a path from a directional light.
+// Cost: one thread a path, after the first bounce one that goes on; a ray through the grid a bounce, and 24 loads for a path from a
+// directional light.
 
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_area, rect_point}
 #import bevy_bounce::shared::rays::{grid, trace, to_grid, to_world, Ray}

@@ -171,23 +171,32 @@ fn what_is_not_in_the_g_buffer_is_lit_like_what_is() {
     assert_alike("blended", &by_probes(&mut stage, settings), &deferred);
 }
 
-/// The same with the lights of the default quality, of which one that happens to be near a point is more than probes show: of two of fifty
-/// at most.
-#[test]
-fn points_are_lit_alike_by_default() {
+/// The same with the lights of the default quality: so many of fifty points are within 15 %.
+fn assert_points_are_alike(least: usize) {
     let mut stage = stage(SIZE, medium(), false);
     show(&mut stage, GiIsolate::Indirect);
     let deferred = settled(&mut stage, medium());
     let assert_alike = |stage: &mut Stage, name| {
         let errors = errors(name, &by_probes(stage, medium()), &deferred);
         let within = errors.iter().filter(|error| error.abs() < 0.15).count();
-        assert!(within >= 48, "{name}: {within} within 15 %");
+        assert!(within >= least, "{name}: {within} within 15 %");
     };
     set_method(&mut stage, OpaqueRendererMethod::Forward);
     assert_alike(&mut stage, "forward");
     set_method(&mut stage, OpaqueRendererMethod::Auto);
     cover(&mut stage);
     assert_alike(&mut stage, "blended");
+}
+
+#[test]
+fn most_points_are_lit_alike_by_default() {
+    assert_points_are_alike(48);
+}
+
+#[test]
+#[ignore = "not met: 48 of 50; two are 18 and 22 % darker by probes than in the deferred picture"]
+fn points_are_lit_alike_by_default() {
+    assert_points_are_alike(49);
 }
 
 /// Whole pictures of an app that stays forward: MSAA stays, and the light is that of the deferred app. With the lights of the default
