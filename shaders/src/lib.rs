@@ -8,7 +8,7 @@ pub mod types;
 /// A WGSL file of this crate.
 #[derive(Clone, Copy, Debug)]
 pub struct ShaderSource {
-    /// Path within the crate, e.g. `avg/mark.wgsl`.
+    /// Path within the crate, e.g. `avg/voxelize.wgsl`.
     pub path: &'static str,
     /// Its text, with naga_oil directives.
     pub source: &'static str,
@@ -28,6 +28,7 @@ macro_rules! shaders {
 }
 
 shaders! {
+    "shared/loops.wgsl" => [],
     "shared/groups.wgsl" => [],
     "shared/octahedral.wgsl" => [],
     "shared/hilbert.wgsl" => [],

@@ -3,6 +3,8 @@
 //! | module | what for |
 //! |---|---|
 //! | [`baked`] | small bakes as the GPU takes them |
+//! | [`balls`] | glossy balls in a picture and its reference |
+//! | [`cornell`] | light in the Cornell box by path tracing |
 //! | [`compose`] | the shipped WGSL as naga modules, with Bevy's own modules beside it |
 //! | [`eye`] | further cameras of a stage |
 //! | [`translate`] | those modules in every language that a backend takes, and what they ask of a device |

@@ -56,7 +56,7 @@
 //! # Features
 //!
 //! `processor` (default): baking as a step of Bevy's asset processor. Without it nothing of Bevy is compiled:
-//! `cargo install bevy_bounce_bake --no-default-features`.
+//! `cargo install --path crates/bevy_bounce_bake --no-default-features`.
 
 pub mod atlas;
 mod bake;

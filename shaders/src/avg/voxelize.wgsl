@@ -27,7 +27,7 @@
     Grid, GridLevel, grid_level, level_of_brick, brick_index, brick_place, voxel_index, voxel_facings, cell_index, facing_of,
     CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, SUM_MASKED, SUM_FRONT,
 }
-#import bevy_bounce::shared::overlap::touches_cube
+#import bevy_bounce::shared::overlap::{touches_cube, box_low, box_high}
 #import bevy_bounce::shared::sampling::triangle_point
 #import bevy_bounce::shared::scene::{Scene, CHUNK_TRIANGLES}
 #import bevy_bounce::shared::triangles::{Triangle, surface_albedo, surface_emission, surface_cover, is_masked}
@@ -335,14 +335,6 @@ fn visit_box(t: Triangle, low: vec3<i32>, high: vec3<i32>) {
     visit_columns(t, axis, turn_voxel(low, axis), turn_voxel(high, axis));
 }
 
-fn box_low(t: Triangle) -> vec3<i32> {
-    return max(vec3<i32>(floor(min(t.a, min(t.b, t.c)) - SLACK)), vec3<i32>(0));
-}
-
-fn box_high(t: Triangle) -> vec3<i32> {
-    return min(vec3<i32>(floor(max(t.a, max(t.b, t.c)) + SLACK)), vec3<i32>(level.dims) - 1);
-}
-
 fn enqueue_bricks(t: Triangle, triangle: u32, low: vec3<i32>, high: vec3<i32>) {
     let first = low / BRICK;
     let last = high / BRICK;
@@ -379,8 +371,8 @@ fn triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     if !t.valid {
         return;
     }
-    let low = box_low(t);
-    let high = box_high(t);
+    let low = box_low(t, SLACK);
+    let high = box_high(t, SLACK, level.dims);
     if any(low > high) {
         return;
     }
@@ -401,8 +393,8 @@ fn bricks(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     let axis = column_axis(t.normal);
     let corner = turn_voxel(brick * BRICK, axis);
     let column = corner.xy + vec2<i32>(i32(lane & 7u), i32(lane >> 3u));
-    let low = turn_voxel(box_low(t), axis);
-    let high = turn_voxel(box_high(t), axis);
+    let low = turn_voxel(box_low(t, SLACK), axis);
+    let high = turn_voxel(box_high(t, SLACK, level.dims), axis);
     if any(column < low.xy) || any(column > high.xy) {
         return;
     }

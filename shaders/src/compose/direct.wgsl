@@ -11,6 +11,7 @@
 #import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color}
 #import bevy_bounce::compose::marks::LIT
 #import bevy_bounce::compose::mirrored::pack_mirrored
+#import bevy_bounce::shared::loops::is_within
 #import bevy_pbr::clustered_forward as clustering
 #import bevy_pbr::lighting
 #import bevy_pbr::lighting::{LAYER_BASE, LAYER_CLEARCOAT}
@@ -197,7 +198,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
         diffuse += (both - lighting::spot_light(id, &input, false)) * shadow;
     }
 
-    for (var id = 0u; id < view_bindings::lights.n_directional_lights; id += 1u) {
+    for (var id = 0u; is_within(id, view_bindings::lights.n_directional_lights, view_z); id += 1u) {
         let flags = view_bindings::lights.directional_lights[id].flags;
         var shadow = 1.0;
         if (surface.flags & MESH_FLAGS_SHADOW_RECEIVER_BIT) != 0u
@@ -222,7 +223,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
     }
 
 #ifdef AREA_LIGHT_LUTS
-    for (var id = 0u; id < view_bindings::lights.n_rect_lights; id += 1u) {
+    for (var id = 0u; is_within(id, view_bindings::lights.n_rect_lights, view_z); id += 1u) {
         let both = lighting::rect_light(id, &input, true);
         light += both;
         diffuse += both - lighting::rect_light(id, &input, false);

@@ -11,6 +11,7 @@
 }
 #import bevy_bounce::cssm::types::CssmGather
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
+#import bevy_bounce::shared::loops::is_within
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT}
 
@@ -139,7 +140,7 @@ fn direct(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         turn_to_world(object, cross(texel.normal, across)) * half,
     );
     var irradiance = vec3<f32>(0.0);
-    for (var i = 0u; i < scene.light_count; i++) {
+    for (var i = 0u; is_within(i, scene.light_count, half); i++) {
         let light = lights[i];
         if light.kind == LIGHT_DIRECTIONAL {
             irradiance += directional(place, light);

@@ -8,6 +8,7 @@
 #import bevy_bounce::cssm::gather::{leaf_texel, tree}
 #import bevy_bounce::cssm::texels::{bakes, load_texel, scale_of, to_object, turn_to_object}
 #import bevy_bounce::cssm::tree::{node_count, unpack_node}
+#import bevy_bounce::shared::loops::is_within
 #import bevy_bounce::shared::scene::NONE
 
 /// How far a texel's surface may reach, as a multiple of what a square of the largest texel's area does.
@@ -26,7 +27,7 @@ struct Located {
 fn locate(position: vec3<f32>, normal: vec3<f32>) -> Located {
     var found = Located(NONE, NONE, NONE);
     var nearest = 1e30;
-    for (var object = 0u; object < bakes.count; object++) {
+    for (var object = 0u; is_within(object, bakes.count, position.x); object++) {
         let bake = &bakes.objects[object];
         let point = to_object(object, position);
         // Of a surface in the plane of a side, pixels lie a little off it: rasterisation rounds.

@@ -10,6 +10,7 @@
 
 #import bevy_bounce::cssm::maps::{map_code, LANES, ROWS}
 #import bevy_bounce::cssm::texels::{bakes, root, scale_of, to_object, to_world, turn_to_object, Texel}
+#import bevy_bounce::shared::loops::is_within
 #import bevy_bounce::shared::scene::NONE
 
 /// Side of a square of pixels.
@@ -258,7 +259,7 @@ fn between_candidates(place: vec3<f32>, center: vec3<f32>, radius: f32, object_a
     var candidates: Objects;
     let way = center - place;
     let square = max(dot(way, way), 1e-20);
-    for (var object = 0u; object < bakes.count; object++) {
+    for (var object = 0u; is_within(object, bakes.count, place.x); object++) {
         let middle = to_world(object, bakes.objects[object].csm_center);
         let along = clamp(dot(middle - place, way) / square, 0.0, 1.0);
         let reach = radius + scale_of(object) * bakes.objects[object].csm_radius;

@@ -8,6 +8,7 @@
 //
 // Cost: one thread a pixel; nodes whose spheres come near it some 20 operations each, and some 16 texels 40.
 
+#import bevy_bounce::shared::loops::is_within
 #import bevy_render::view::View
 #import bevy_bounce::cssm::gather::{gather, leaf_texel, tree, Receiver}
 #import bevy_bounce::cssm::texels::{bakes, load_texel, to_object, turn_to_object}
@@ -83,7 +84,7 @@ fn smooth_from(object: u32, surface: Surface) -> vec4<f32> {
 
 fn light_at(surface: Surface, pixel: u32) -> vec3<f32> {
     var sum = vec4<f32>(0.0);
-    for (var object = 0u; object < bakes.count; object++) {
+    for (var object = 0u; is_within(object, bakes.count, surface.position.x); object++) {
         sum += smooth_from(object, surface);
     }
     if sum.w > LEAST_WEIGHT {

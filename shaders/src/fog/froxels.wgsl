@@ -20,6 +20,7 @@
 #import bevy_bounce::interleaved::gather::{header, vpls, is_visible}
 #import bevy_bounce::interleaved::surface::Surface
 #import bevy_bounce::shared::groups::folded_index
+#import bevy_bounce::shared::loops::is_within
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::vpl::bound::geometry_bound
 #import bevy_render::view::View
@@ -96,7 +97,7 @@ fn of_sky(position: vec3<f32>, ahead: vec3<f32>) -> vec3<f32> {
     ray.length = FAR;
     ray.gap = GAP;
     var sum = vec3<f32>(0.0);
-    for (var i = scene.light_count; i < scene.light_count + scene.sky_count; i++) {
+    for (var i = scene.light_count; is_within(i, scene.light_count + scene.sky_count, position.x); i++) {
         ray.direction = -lights[i].direction;
         if !is_blocked(ray) {
             sum += lights[i].color * phase(dot(ray.direction, ahead), asymmetry);

@@ -4,6 +4,7 @@
 
 #define_import_path bevy_bounce::interleaved::sky
 
+#import bevy_bounce::shared::loops::is_within
 #import bevy_bounce::shared::rays::{is_blocked, to_grid, Ray}
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::{Light, Scene}
@@ -37,7 +38,7 @@ fn lobes(light: Light, cosine: f32, mirrored: vec3<f32>) -> vec2<f32> {
 /// Of all directions, without anything in their way.
 fn open_sky(normal: vec3<f32>, mirrored: vec3<f32>) -> vec2<f32> {
     var sum = vec2<f32>(0.0);
-    for (var i = scene.light_count; i < scene.light_count + scene.sky_count; i++) {
+    for (var i = scene.light_count; is_within(i, scene.light_count + scene.sky_count, normal.x); i++) {
         let cosine = -dot(normal, lights[i].direction);
         if cosine > 0.0 {
             sum += lobes(lights[i], cosine, mirrored);

@@ -14,6 +14,7 @@
 
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{Cell, grid_level, cell_plane, cell_area}
+#import bevy_bounce::shared::loops::is_within
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, cells, voxel_groups, is_blocked, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::PI
@@ -189,7 +190,7 @@ fn light_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     var direct = vec3<f32>(0.0);
     var further = vec3<f32>(0.0);
     if receiver.has_area {
-        for (var i = 0u; i < scene.light_count; i++) {
+        for (var i = 0u; is_within(i, scene.light_count, receiver.normal.x); i++) {
             direct += from_light(receiver, lights[i]);
         }
         if volume.further != 0u {

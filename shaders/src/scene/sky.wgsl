@@ -9,6 +9,7 @@
 // Cost: `measure` takes samples^2 filtered loads a texel of the table, when the sky becomes another; `choose` is one workgroup
 // with four texels a thread.
 
+#import bevy_bounce::shared::loops::is_within
 #import bevy_bounce::shared::octahedral::octahedral_to_unit
 #import bevy_bounce::shared::sampling::{sample_square, PI}
 #import bevy_bounce::shared::scene::{Light, Scene, projected_area, LIGHT_DIRECTIONAL}
@@ -192,7 +193,7 @@ fn choose(@builtin(local_invocation_index) lane: u32) {
     workgroupBarrier();
     // What it casts on the boxes of the scene, lumens, each with its weight.
     var area = 0.0;
-    for (var i = 0u; i < scene.region_count; i++) {
+    for (var i = 0u; is_within(i, scene.region_count, light.direction.x); i++) {
         area += scene.regions[i].weight * projected_area(scene.regions[i], light.direction);
     }
     light.cumulative_power = sum_up(select(0.0, luminance(light.color) * area * sky.share, lane < scene.sky_count), lane);

@@ -23,6 +23,7 @@
 #import bevy_bounce::shadow_atlas::types::{
     Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT, OCCLUDER_MOST_SHIFT, OCCLUDER_NAME_SHIFT,
 }
+#import bevy_bounce::shared::loops::is_within
 #import bevy_bounce::shared::sampling::hash
 #import bevy_bounce::shared::scene::NONE
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, MET}
@@ -211,7 +212,7 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     // That of the vertex of the path, wherever in the list the light is.
     let light_name = hash(hash(vpl.sample) ^ (vpl.bounce_met & ~MET));
 
-    for (var first = 0u; first < parameters.occluder_count; first += GROUP) {
+    for (var first = 0u; is_within(first, parameters.occluder_count, f32(light)); first += GROUP) {
         if first + lane < parameters.occluder_count {
             let occluder = occluders[first + lane];
             var seen = nothing_seen();

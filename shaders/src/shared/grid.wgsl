@@ -9,6 +9,8 @@
 
 #define_import_path bevy_bounce::shared::grid
 
+#import bevy_bounce::shared::loops::is_within
+
 struct Grid {
     origin: vec3<f32>,
     voxel_size: f32,
@@ -84,12 +86,6 @@ fn grid_level(grid: Grid, level: u32) -> GridLevel {
     }
 }
 
-/// Whether a loop is not yet at the end of what a uniform counts; `own`: anything below 3e38 that is not the same in all threads, without
-/// which Mesa's software driver compiles the kernel anew at each dispatch (see CONTRIBUTING).
-fn is_within(i: u32, count: u32, own: f32) -> bool {
-    return (i < count) & (own < 3e38);
-}
-
 /// The finest grid that holds a world position; the coarsest, where none does.
 fn level_at(grid: Grid, position: vec3<f32>) -> u32 {
     for (var i = 0u; is_within(i, grid.further_count, position.x); i++) {
@@ -116,10 +112,15 @@ fn voxel_index(level: GridLevel, voxel: vec3<i32>) -> u32 {
     return level.first_voxel + (v.z * level.dims.y + v.y) * level.dims.x + v.x;
 }
 
-/// Voxels of all grids.
+fn end_of(level: GridLevel) -> u32 {
+    return level.first_voxel + level.dims.x * level.dims.y * level.dims.z;
+}
+
+/// Voxels of all grids. Without a branch, as `shared/loops.wgsl` says.
 fn voxel_count(grid: Grid) -> u32 {
-    let last = grid_level(grid, grid.further_count);
-    return last.first_voxel + last.dims.x * last.dims.y * last.dims.z;
+    let second = select(end_of(grid_level(grid, 0u)), end_of(grid.further[0]), grid.further_count > 0u);
+    let third = select(second, end_of(grid.further[1]), grid.further_count > 1u);
+    return select(third, end_of(grid.further[2]), grid.further_count > 2u);
 }
 
 /// Blocks of the distance along each axis.

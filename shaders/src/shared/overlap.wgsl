@@ -40,3 +40,12 @@ fn touches_cube(t: Triangle, center: vec3<f32>, half: f32) -> bool {
     }
     return !(edge_separates(b - a, a, c, half) || edge_separates(c - b, a, b, half) || edge_separates(a - c, a, b, half));
 }
+
+/// First and last voxel, along each axis, of the box around a triangle, within a grid; `slack`: voxels by which it is larger.
+fn box_low(t: Triangle, slack: f32) -> vec3<i32> {
+    return max(vec3<i32>(floor(min(t.a, min(t.b, t.c)) - slack)), vec3<i32>(0));
+}
+
+fn box_high(t: Triangle, slack: f32, dims: vec3<u32>) -> vec3<i32> {
+    return min(vec3<i32>(floor(max(t.a, max(t.b, t.c)) + slack)), vec3<i32>(dims) - 1);
+}

@@ -10,9 +10,10 @@
 #import bevy_bounce::avg::queue::{QueueEntry, enqueue, queue_entry}
 #import bevy_bounce::shared::chunks::triangle_of
 #import bevy_bounce::shared::columns::{turn_voxel, turn_back, column_axis}
-#import bevy_bounce::shared::grid::{Grid, GridLevel, is_within, grid_level, level_of_brick, to_level, brick_index, brick_place, BRICK}
+#import bevy_bounce::shared::grid::{Grid, GridLevel, grid_level, level_of_brick, to_level, brick_index, brick_place, BRICK}
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::overlap::touches_cube
+#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::overlap::{touches_cube, box_low, box_high}
 #import bevy_bounce::shared::scene::{Scene, CHUNK_TRIANGLES}
 #import bevy_bounce::shared::triangles::Triangle
 #import bevy_bounce::vpl::triangle_lists::{first_entry, list_of, LIST_ENTRY_WORDS}
@@ -49,14 +50,6 @@ fn choose_level(index: u32) {
         let reach = SETTLE_RANGE * (edge + 1.0);
         finer = Box(low + reach, low + vec3<f32>(inner.dims) * edge - reach);
     }
-}
-
-fn box_low(t: Triangle) -> vec3<i32> {
-    return max(vec3<i32>(floor(min(t.a, min(t.b, t.c)) - SLACK)), vec3<i32>(0));
-}
-
-fn box_high(t: Triangle) -> vec3<i32> {
-    return min(vec3<i32>(floor(max(t.a, max(t.b, t.c)) + SLACK)), vec3<i32>(level.dims) - 1);
 }
 
 fn list_in(t: Triangle, triangle: u32, voxel: vec3<i32>) {
@@ -109,8 +102,8 @@ fn list_triangles(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
     for (var i = 0u; is_within(i, grid.further_count + 1u, f32(triangle)); i++) {
         choose_level(i);
         let t = triangle_of(triangle, level);
-        let low = box_low(t);
-        let high = box_high(t);
+        let low = box_low(t, SLACK);
+        let high = box_high(t, SLACK, level.dims);
         if !t.valid || any(low > high) {
             continue;
         }
@@ -131,8 +124,8 @@ fn list_bricks(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
     let t = triangle_of(entry.triangle, level);
     let axis = column_axis(t.normal);
     let corner = turn_voxel(vec3<i32>(brick_place(level, entry.brick)) * EDGE, axis);
-    let low = turn_voxel(box_low(t), axis);
-    let high = turn_voxel(box_high(t), axis);
+    let low = turn_voxel(box_low(t, SLACK), axis);
+    let high = turn_voxel(box_high(t, SLACK, level.dims), axis);
     let column = corner.xy + vec2<i32>(i32(lane) % EDGE, i32(lane) / EDGE);
     if any(column < low.xy) || any(column > high.xy) {
         return;

@@ -4,10 +4,11 @@
 // Cost: one thread a voxel of a group; for each of its cells four words and an addition a grid.
 
 #import bevy_bounce::shared::grid::{
-    GridLevel, is_within, grid_level, level_at, brick_at, voxel_index, voxel_facings, cell_plane, cell_area, CELL_MASK, COUNTER_AREA,
+    GridLevel, grid_level, level_at, brick_at, voxel_index, voxel_facings, cell_plane, cell_area, CELL_MASK, COUNTER_AREA,
     COUNTER_AREA_STEPS,
 }
 #import bevy_bounce::shared::groups::folded_index
+#import bevy_bounce::shared::loops::is_within
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::sampling::{hash, unit_float}
 #import bevy_bounce::shared::rays::{grid, voxels, cells, voxel_groups}

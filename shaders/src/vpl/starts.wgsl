@@ -4,7 +4,7 @@
 
 #define_import_path bevy_bounce::vpl::starts
 
-#import bevy_bounce::shared::grid::is_within
+#import bevy_bounce::shared::loops::is_within
 #import bevy_bounce::shared::rays::grid
 #import bevy_bounce::shared::sampling::sample_square
 #import bevy_bounce::shared::scene::{Light, Scene, Region, projected_area, CHUNK_TRIANGLES}
@@ -59,19 +59,16 @@ struct Stretch {
     weight: f32,
 }
 
+// Without a branch, as `shared/loops.wgsl` says.
 fn emissive_power() -> f32 {
-    if scene.emissive_chunk_count == 0u {
-        return 0.0;
-    }
-    return emitters[scene.emissive_chunk_count * CHUNK_TRIANGLES - 1u].cumulative_power;
+    let count = scene.emissive_chunk_count;
+    return select(0.0, emitters[max(count, 1u) * CHUNK_TRIANGLES - 1u].cumulative_power, count > 0u);
 }
 
 // Of all directions of the sky, whose running sum begins anew.
 fn sky_power() -> f32 {
-    if scene.sky_count == 0u {
-        return 0.0;
-    }
-    return lights[scene.light_count + scene.sky_count - 1u].cumulative_power;
+    let count = scene.sky_count;
+    return select(0.0, lights[scene.light_count + max(count, 1u) - 1u].cumulative_power, count > 0u);
 }
 
 fn cumulative_power(is_emitter: bool, index: u32) -> f32 {
@@ -184,9 +181,6 @@ fn weighted_area(light: Light) -> f32 {
 // Sum of the weights of the regions that a line along the light goes through, `through` among them: of their lit areas, times
 // this, paths have their starts.
 fn start_density(light: Light, point: vec3<f32>, through: u32) -> f32 {
-    if scene.region_count == 1u {
-        return scene.regions[0].weight;
-    }
     let tiny = vec3<f32>(1e-6);
     let inverse = 1.0 / select(light.direction, tiny, abs(light.direction) < tiny);
     var density = 0.0;

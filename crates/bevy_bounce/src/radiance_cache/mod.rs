@@ -24,7 +24,7 @@
 //! | | bytes | holds |
 //! |---|---|---|
 //! | voxel light: cells | 48 a cell: 6 MiB at 64^3 | place, irradiance, emission |
-//! | voxel light: levels | 112 a voxel: 15 MiB at 64^3 | six facings, half floats, relative to the scene's mean light |
+//! | voxel light: levels | 62 a voxel: 15 MiB at 64^3 | six facings, half floats, relative to the scene's mean light |
 //! | the same of a [`VoxelizedGroup`](crate::VoxelizedGroup) | 2.3 MiB | its cells and its levels, for each group by itself, in steps of powers of two of them; 192 KiB of emission for each grid |
 //! | clusters | 20 a pixel, and counts | key and pixel, twice for the sort; which cache is kept there |
 //! | atlas | 4 KiB a cache: 16 MiB at 2 million pixels | 16x16 as it comes, 3 x 8x8 by roughness, 8x8 by cosine |

@@ -112,6 +112,8 @@ impl VplBuffers {
                     + self.paths.size()
                     + self.candidates.size()
                     + self.bricks.size()
+                    + self.alive_count.size()
+                    + self.alive_workgroups.size()
                     + self.densities.size(),
             ),
             (
