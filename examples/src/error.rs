@@ -52,7 +52,8 @@ pub fn exit(name: &str, body: impl FnOnce() -> Result<(), Error>) -> ExitCode {
     match body() {
         Ok(()) => ExitCode::SUCCESS,
         Err(Error::CommandLine(error)) if !error.use_stderr() => {
-            print!("{}", error.render());
+            // A reader that closes its end early is no error.
+            drop(error.print());
             ExitCode::SUCCESS
         }
         Err(error) => {

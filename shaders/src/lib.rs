@@ -28,7 +28,7 @@ macro_rules! shaders {
 }
 
 shaders! {
-    "shared/loops.wgsl" => [],
+    "shared/control.wgsl" => [],
     "shared/groups.wgsl" => [],
     "shared/octahedral.wgsl" => [],
     "shared/hilbert.wgsl" => [],

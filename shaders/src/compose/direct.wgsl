@@ -11,7 +11,7 @@
 #import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color}
 #import bevy_bounce::compose::marks::LIT
 #import bevy_bounce::compose::mirrored::pack_mirrored
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_pbr::clustered_forward as clustering
 #import bevy_pbr::lighting
 #import bevy_pbr::lighting::{LAYER_BASE, LAYER_CLEARCOAT}

@@ -11,7 +11,7 @@
 }
 #import bevy_bounce::cssm::types::CssmGather
 #import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT}
 

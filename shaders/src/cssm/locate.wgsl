@@ -8,7 +8,7 @@
 #import bevy_bounce::cssm::gather::{leaf_texel, tree}
 #import bevy_bounce::cssm::texels::{bakes, load_texel, scale_of, to_object, turn_to_object}
 #import bevy_bounce::cssm::tree::{node_count, unpack_node}
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::scene::NONE
 
 /// How far a texel's surface may reach, as a multiple of what a square of the largest texel's area does.

@@ -10,7 +10,7 @@
 
 #import bevy_bounce::cssm::maps::{map_code, LANES, ROWS}
 #import bevy_bounce::cssm::texels::{bakes, root, scale_of, to_object, to_world, turn_to_object, Texel}
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::scene::NONE
 
 /// Side of a square of pixels.

@@ -8,7 +8,7 @@
 //
 // Cost: one thread a pixel; nodes whose spheres come near it some 20 operations each, and some 16 texels 40.
 
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_render::view::View
 #import bevy_bounce::cssm::gather::{gather, leaf_texel, tree, Receiver}
 #import bevy_bounce::cssm::texels::{bakes, load_texel, to_object, turn_to_object}

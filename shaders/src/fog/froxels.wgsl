@@ -20,7 +20,7 @@
 #import bevy_bounce::interleaved::gather::{header, vpls, is_visible}
 #import bevy_bounce::interleaved::surface::Surface
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::vpl::bound::geometry_bound
 #import bevy_render::view::View

@@ -4,7 +4,7 @@
 
 #define_import_path bevy_bounce::interleaved::sky
 
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::rays::{is_blocked, to_grid, Ray}
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::{Light, Scene}

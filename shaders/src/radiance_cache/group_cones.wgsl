@@ -10,7 +10,7 @@
 #define_import_path bevy_bounce::radiance_cache::group_cones
 
 #import bevy_bounce::radiance_cache::cone::{grid, Start, Step, Sides, sample_axis, meet}
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::voxel_groups::{VoxelGroups, comes_near, to_group, way_to_group, normal_to_group, GROUP_EDGE}
 
 @group(1) @binding(6) var<uniform> voxel_groups: VoxelGroups;

@@ -14,7 +14,7 @@
 
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{Cell, grid_level, cell_plane, cell_area}
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, cells, voxel_groups, is_blocked, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::PI

@@ -13,6 +13,7 @@
 #import bevy_bounce::shared::grid::{
     Grid, GridLevel, Cell, grid_level, voxel_index, voxel_facings, cell_index, cell_area, AREA_ONE,
 }
+#import bevy_bounce::shared::control::holds
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::Scene
@@ -80,11 +81,11 @@ fn further_light(voxel: vec3<i32>, facing: u32, normal: vec3<f32>) -> vec3<f32> 
 // Light that a cell sends, cd/m^2.
 fn radiance_of(voxel: vec3<i32>, facing: u32, index: u32, normal: vec3<f32>, area: f32) -> vec3<f32> {
     var light = irradiance[2u * (first_light + index)].rgb;
-    if volume.further != 0u {
+    if holds(volume.further != 0u, area) {
         light += further_light(voxel, facing, normal);
     }
     var radiance = unpack4x8unorm(cells[level.first_cell + index].albedo).rgb * light / PI;
-    if max_emission > 0.0 {
+    if holds(max_emission > 0.0, area) {
         let first = 3u * (level.first_cell + index);
         let sums = vec3<u32>(emission_sums[first], emission_sums[first + 1u], emission_sums[first + 2u]);
         radiance += min(vec3<f32>(sums) / (area * AREA_ONE), vec3<f32>(1.0)) * max_emission;

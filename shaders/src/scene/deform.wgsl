@@ -2,7 +2,6 @@
 // Bevy's vertex shader does (bevy_pbr::morph, bevy_pbr::skinning).
 
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::loops::is_within
 #import bevy_bounce::shared::scene::{NONE, VERTEX_WORDS, SKIN_WORDS, DEFORMED_WORDS}
 
 struct DeformJob {
@@ -83,7 +82,7 @@ fn deform(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         return;
     }
     var position = position_at(job.vertex_offset + vertex * VERTEX_WORDS);
-    for (var target_index = 0u; is_within(target_index, job.weight_count, position.x); target_index++) {
+    for (var target_index = 0u; target_index < job.weight_count; target_index++) {
         let weight = pose[job.weight_offset + target_index];
         if weight != 0.0 {
             position += weight * position_at(job.morph_offset + (target_index * job.vertex_count + vertex) * 3u);

@@ -9,7 +9,7 @@
 // Cost: `measure` takes samples^2 filtered loads a texel of the table, when the sky becomes another; `choose` is one workgroup
 // with four texels a thread.
 
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::octahedral::octahedral_to_unit
 #import bevy_bounce::shared::sampling::{sample_square, PI}
 #import bevy_bounce::shared::scene::{Light, Scene, projected_area, LIGHT_DIRECTIONAL}

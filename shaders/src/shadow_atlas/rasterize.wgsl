@@ -23,7 +23,7 @@
 #import bevy_bounce::shadow_atlas::types::{
     Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT, OCCLUDER_MOST_SHIFT, OCCLUDER_NAME_SHIFT,
 }
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::sampling::hash
 #import bevy_bounce::shared::scene::NONE
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, MET}

@@ -9,7 +9,7 @@
 
 #define_import_path bevy_bounce::shared::grid
 
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 
 struct Grid {
     origin: vec3<f32>,
@@ -116,7 +116,7 @@ fn end_of(level: GridLevel) -> u32 {
     return level.first_voxel + level.dims.x * level.dims.y * level.dims.z;
 }
 
-/// Voxels of all grids. Without a branch, as `shared/loops.wgsl` says.
+/// Voxels of all grids. Without a branch, as `shared/control.wgsl` says.
 fn voxel_count(grid: Grid) -> u32 {
     let second = select(end_of(grid_level(grid, 0u)), end_of(grid.further[0]), grid.further_count > 0u);
     let third = select(second, end_of(grid.further[1]), grid.further_count > 1u);

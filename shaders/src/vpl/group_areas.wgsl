@@ -8,7 +8,7 @@
     COUNTER_AREA_STEPS,
 }
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::sampling::{hash, unit_float}
 #import bevy_bounce::shared::rays::{grid, voxels, cells, voxel_groups}

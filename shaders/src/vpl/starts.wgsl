@@ -4,7 +4,7 @@
 
 #define_import_path bevy_bounce::vpl::starts
 
-#import bevy_bounce::shared::loops::is_within
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::rays::grid
 #import bevy_bounce::shared::sampling::sample_square
 #import bevy_bounce::shared::scene::{Light, Scene, Region, projected_area, CHUNK_TRIANGLES}
@@ -59,7 +59,7 @@ struct Stretch {
     weight: f32,
 }
 
-// Without a branch, as `shared/loops.wgsl` says.
+// Without a branch, as `shared/control.wgsl` says.
 fn emissive_power() -> f32 {
     let count = scene.emissive_chunk_count;
     return select(0.0, emitters[max(count, 1u) * CHUNK_TRIANGLES - 1u].cumulative_power, count > 0u);
