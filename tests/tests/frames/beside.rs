@@ -316,7 +316,6 @@ fn hang_plate(world: &mut World) {
 
 /// What volumetric fog takes of bounced light and what it scatters of it is the same beside what keeps to sums.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn volumetric_fog_is_lit_alike_beside_each_effect() {
     let mut stage = stage();
     let alone = share_of_bounced_light(&mut stage, &[VolumetricFog]);

@@ -149,7 +149,6 @@ fn fog_without_a_size_is_none() {
 
 /// Temporal anti-aliasing takes the picture with its fog, in each frame: beside the same camera without bounced light in its fog, none is lost.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn fog_is_lit_in_each_frame_beside_temporal_antialiasing() {
     // As games have it: systems that have no order run at once.
     ComputeTaskPool::get_or_init(|| TaskPoolBuilder::new().num_threads(4).build());

@@ -225,7 +225,6 @@ fn blocks(picture: &Picture) -> Vec<f64> {
 
 /// One of many lamps comes and goes where nothing is seen of it.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn many_lamps_keep_their_light_when_one_goes() {
     let settings = GiSettings { history: 0, probes: 0, resolution: Resolution::Full, ..Quality::Medium.settings() };
     let mut stage = Stage::new(PIXELS_OF_MANY, settings, |app| {
@@ -274,7 +273,6 @@ fn lamps_light_caches() {
 }
 
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn other_lamps_light_caches() {
     let mut stage = stage(None, Technique::RadianceCache);
     try_lamp(&mut stage, Kind::Point, Technique::RadianceCache, 0.15);

@@ -125,7 +125,6 @@ fn probes_recover() {
 
 /// Light in volumetric fog.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn fog_recovers() {
     let light = illumination(GiSettings { probes: 8, ..SMALL });
     let run = Run { isolate: GiIsolate::All, ..run(SIZE, Some(light)) };

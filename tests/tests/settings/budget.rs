@@ -214,7 +214,6 @@ fn seen(down: impl Iterator<Item = f32>, from: f32, up: impl Iterator<Item = f32
 }
 
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn steps_of_the_share_are_hardly_seen() {
     let (down, up) = seen((1..=5).map(|step| 0.7_f32.powi(step)), 0.7, std::iter::once(0.735));
     assert!(down.max(up) <= 3, "down: {down} steps of the display, up: {up}");

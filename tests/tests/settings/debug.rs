@@ -108,7 +108,6 @@ fn voxels_look_like_the_room() {
 
 /// Every level has about the light that voxels send, and is coarser than the one before; caches are shown one after the other.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn levels_and_caches_are_shown() {
     let mut stage = cornell(SETTINGS);
     let [levels, light] = [GiIsolate::VoxelLevels, GiIsolate::VoxelLight].map(|isolate| isolated(&mut stage, isolate));

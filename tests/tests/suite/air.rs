@@ -124,7 +124,6 @@ fn what_bounces_of_a_sun_goes_with_its_direct_light() {
 
 /// On an open floor, where nothing shadows Bevy's own light by environment maps either.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn the_sky_that_an_atmosphere_makes_is_a_sky() {
     if !has_atmosphere() {
         return;

@@ -210,7 +210,6 @@ fn a_forward_app_has_it_too() {
 
 /// Dielectrics and metals mirror of ambient light what Bevy has them mirror, as far as the sky is seen.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn what_is_mirrored_is_bevys_too() {
     let shine = |stage: &mut Stage, metallic: f32, perceptual_roughness: f32| {
         for (_, material) in stage.world().resource_mut::<Assets<StandardMaterial>>().iter_mut() {

@@ -228,7 +228,6 @@ fn fog_in_a_forward_app_is_lit_too() {
 
 /// Where rays are parallel, too, before and behind the plane of the eye: by the closed form, as all of them go through as much fog.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn fog_is_even_in_an_orthographic_view() {
     let mut stage = stage_of(SIZE, FURNACE, false, furnace);
     let camera = stage.only::<GlobalIllumination>();

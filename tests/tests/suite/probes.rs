@@ -158,7 +158,6 @@ fn assert_alike(name: &str, found: &Picture, expected: &Picture) {
 
 /// With 4096 lights: of a thousand, single ones near a point weigh more than the tolerance, and probes stand elsewhere.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn what_is_not_in_the_g_buffer_is_lit_like_what_is() {
     let settings = Quality::High.settings();
     let mut stage = stage(SIZE, settings, false);
@@ -202,7 +201,6 @@ fn points_are_lit_alike_by_default() {
 /// Whole pictures of an app that stays forward: MSAA stays, and the light is that of the deferred app. With the lights of the default
 /// quality, where single points may be off.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn a_forward_app_is_lit_by_probes_alone() {
     let mut deferred = stage(SIZE, medium(), false);
     show(&mut deferred, GiIsolate::Indirect);

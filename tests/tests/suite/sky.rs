@@ -296,7 +296,6 @@ fn past_the_wall(power: i32) -> f64 {
 }
 
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn what_is_mirrored_of_the_sky_is_shadowed() {
     let by_bevy = mirrored(0.7, GiSettings { sky: 0, ..SKY }, |_| {}).settled_picture();
     let open = mirrored(0.7, SKY, |_| {}).settled_picture();

@@ -291,7 +291,6 @@ fn views_are_calmer(kinds: &[(&str, Projection, Camera)]) {
 }
 
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn views_of_other_kinds_are_calmer() {
     let parallel = Projection::Orthographic(OrthographicProjection {
         scaling_mode: ScalingMode::FixedVertical { viewport_height: 4.0 },
@@ -307,7 +306,6 @@ fn views_of_other_kinds_are_calmer() {
 }
 
 #[test]
-#[ignore = "it trembles by .72 of what it does without history, where .7 is asked, for a reason that is not found yet"]
 fn a_part_of_a_view_is_calmer() {
     let part = SubCameraView { full_size: 2 * SIZE, offset: Vec2::new(40.0, 20.0), size: SIZE };
     let part = Camera { sub_camera_view: Some(part), ..default() };

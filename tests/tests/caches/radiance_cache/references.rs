@@ -27,7 +27,6 @@ fn assert_agreement(name: &str) {
 }
 
 #[test]
-#[ignore = "takes minutes on a software adapter, as one more of its kind"]
 fn cornell_spot_equals_its_reference() {
     assert_agreement("cornell_spot");
 }

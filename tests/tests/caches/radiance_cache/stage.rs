@@ -131,7 +131,6 @@ fn shining_box(build: &mut Builder, emitted: f32) {
 /// A closed box that emits and reflects nothing, with white balls in it, half of them of metal, the other half lacquered: light is the same
 /// from everywhere, and so is what they send, at every roughness.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn a_white_furnace_is_white_at_every_roughness() {
     let emitted = 10.0;
     for roughness in [0.1, 0.3, 0.5, 0.8, 1.0] {
@@ -170,7 +169,6 @@ fn a_white_furnace_is_white_at_every_roughness() {
 
 /// A black ball with a clearcoat in a box that shines reflects of it what Fresnel says; beneath a coat what is white stays white.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn clearcoats_reflect_what_is_around() {
     let emitted = 10.0;
     let lit = |color: Color, reflectance: f32, clearcoat: f32| {
@@ -300,11 +298,13 @@ fn glossy_balls_equal_their_reference() {
     let reference = Picture::load(&committed_file("glossy_box.large.indirect.exr")).expect("is committed");
     let size = UVec2::new(reference.width as u32, reference.height as u32);
     let radiance_cache = RadianceCacheSettings { glossy: true, ..default() };
-    let settings = GiSettings { history: 0, radiance_cache, ..Quality::default().settings() };
+    // Of the default's 2048 lights chance alone makes a ball of plastic 5 % brighter or darker.
+    let settings = GiSettings { history: 0, vpls: 4096, radiance_cache, ..Quality::default().settings() };
     let mut stage = Stage::of_asset("glossy_box.glb", run(size, Some(illumination(settings))), false, None);
     let picture = stage.picture();
     save_if_asked(&picture, "glossy_box.exr");
     let ratios = ball_ratios(&picture, &reference);
+    println!("{ratios:?}");
     let wrong: Vec<_> = ratios.iter().filter(|ball| (ball.ratio - 1.0).abs() > 0.12).collect();
     assert!(wrong.is_empty(), "{wrong:?}");
     // The bounds would notice: without glossy light metal is black.

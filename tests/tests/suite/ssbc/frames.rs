@@ -157,7 +157,6 @@ fn corner(settings: GiSettings) -> Option<(Stage, Picture)> {
 }
 
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn corners_are_nearer_to_the_reference() {
     let Some((mut stage, reference)) = corner(settings(1024, SsbcSettings::OFF)) else { return };
     let bounded = Metrics::new(&stage.picture(), &reference).expect("sizes are equal");
