@@ -278,7 +278,10 @@ fn no_frame_of_a_drive_takes_long() {
         let mut meshes = stage.world().query_filtered::<Entity, With<Mesh3d>>();
         meshes.iter(stage.world()).collect()
     };
+    // In the middle of the town, where blocks lie behind, too.
+    stage.frame(TownPlugin::LAP / 2);
     for _ in 0..TURNS {
+        (0..4).for_each(|_| stage.frame(Duration::ZERO));
         let before = meshes(&mut stage);
         for fastest in &mut fastest {
             let start = Instant::now();
@@ -288,9 +291,8 @@ fn no_frame_of_a_drive_takes_long() {
         let after = meshes(&mut stage);
         let (gone, come) = (before.difference(&after).count(), after.difference(&before).count());
         assert!(gone > 0 && come > 0, "{gone} meshes go, {come} come");
-        // On to where the drive begins anew.
+        // On to where the stretch begins anew.
         stage.frame(TownPlugin::LAP - step * FRAMES);
-        (0..4).for_each(|_| stage.frame(Duration::ZERO));
     }
     fastest.sort_unstable();
     let (median, worst) = (fastest[fastest.len() / 2], fastest[fastest.len() - 1]);

@@ -100,7 +100,6 @@ fn light_that_changes_bounces_on() {
 
 /// However long a light changes, it bounces as often as asked, also where texels receive the last bounce.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn bounces_do_not_pile_up() {
     for receivers in [CssmReceivers::Pixels, CssmReceivers::Texels] {
         let mut stage = stage(None);

@@ -55,7 +55,6 @@ fn cornell_box_equals_its_reference() {
 
 /// `tests/data/cornell_box.N.indirect.exr` are path-traced with so many bounces.
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn every_bounce_equals_its_reference() {
     let bounds = Bounds { energy: Some((0.95, 1.05)), low: Some(0.12), flip: Some(0.08), nrmse: None };
     let mut stage = cornell();
@@ -82,7 +81,6 @@ fn every_bounce_equals_its_reference() {
 }
 
 #[test]
-#[ignore = "takes minutes on a software adapter"]
 fn frames_are_the_same_to_the_byte_and_follow_every_change() {
     let mut stage = cornell();
     let first = stage.picture();
