@@ -64,7 +64,7 @@ fn sky_light(
     ray.start_normal = on;
     ray.gap = gap;
     var sum = SkyLight(vec3<f32>(0.0), vec2<f32>(0.0));
-    for (var i = first; i < scene.sky_count; i += step) {
+    for (var i = first; is_within(i, scene.sky_count, position.x); i += step) {
         let light = lights[scene.light_count + i];
         ray.direction = -light.direction;
         let cosine = dot(normal, ray.direction);

@@ -146,7 +146,7 @@ fn from_light(receiver: Receiver, light: Light) -> vec3<f32> {
 // One of so many of the sky's directions, which stands for all.
 fn from_sky(receiver: Receiver, first: u32, step: u32) -> vec3<f32> {
     var sum = vec3<f32>(0.0);
-    for (var i = first; i < scene.sky_count; i += step) {
+    for (var i = first; is_within(i, scene.sky_count, receiver.normal.x); i += step) {
         let light = lights[scene.light_count + i];
         let cosine = -dot(receiver.normal, light.direction);
         if cosine > 0.0 && sees_sky(receiver, -light.direction) {

@@ -3,8 +3,8 @@
 
 #define_import_path bevy_bounce::shared::control
 
-/// Whether something is so that only uniforms decide; `own`: anything below 3e38 that is not the same in all threads, or in all
-/// workgroups.
+/// Whether something is so that only uniforms decide; `own`: anything below 3e38 that is not the same in all threads or, where there are
+/// barriers within, in all workgroups. False where that is no number.
 fn holds(condition: bool, own: f32) -> bool {
     return condition & (own < 3e38);
 }

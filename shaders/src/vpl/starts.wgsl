@@ -68,7 +68,7 @@ fn emissive_power() -> f32 {
 // Of all directions of the sky, whose running sum begins anew.
 fn sky_power() -> f32 {
     let count = scene.sky_count;
-    return select(0.0, lights[scene.light_count + max(count, 1u) - 1u].cumulative_power, count > 0u);
+    return select(0.0, lights[max(scene.light_count + count, 1u) - 1u].cumulative_power, count > 0u);
 }
 
 fn cumulative_power(is_emitter: bool, index: u32) -> f32 {

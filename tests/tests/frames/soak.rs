@@ -54,10 +54,13 @@ struct Outcome {
 }
 
 impl Outcome {
-    /// Largest change of a value of the picture, as a part of it.
+    /// Largest change of a value of the picture, as a part of it, or of a thousandth of the picture's mean where that is more.
     fn change(&self, other: &Self) -> f32 {
-        let values = self.picture.pixels.as_flattened().iter().zip(other.picture.pixels.as_flattened());
-        values.filter(|(a, b)| a != b).map(|(a, b)| (a - b).abs() / a.max(*b)).fold(0.0, f32::max)
+        let [one, two] = [&self.picture, &other.picture];
+        assert_eq!((one.width, one.height), (two.width, two.height));
+        let least = 1e-3 * one.mean_luminance() as f32;
+        let values = one.pixels.as_flattened().iter().zip(two.pixels.as_flattened());
+        values.map(|(a, b)| (a - b).abs() / a.abs().max(b.abs()).max(least)).fold(0.0, f32::max)
     }
 }
 
@@ -118,7 +121,9 @@ impl Soak {
             }
         }
         self.calm();
-        Outcome { picture: self.stage.settled_picture(), pictures, most_bytes }
+        let picture = self.stage.settled_picture();
+        self.assert_finite(frames, &picture);
+        Outcome { picture, pictures, most_bytes }
     }
 
     /// Values are finite, but where Bevy alone draws what is not.
