@@ -226,11 +226,12 @@ fn soak(seed: u64, frames: usize) -> Outcome {
     outcome
 }
 
-/// Neither panics nor validation errors nor values that are not finite; and the same seed is the same, but for the order in which Bevy adds up
-/// light: with cameras without bounced light, too, single pixels of the same world differ by up to 0.6 percent from run to run.
+/// Neither panics nor validation errors nor values that are not finite; and the same seed is the same to the last bit. Runs that are asked to be
+/// longer are so but for what Bevy itself does not repeat: in 150 frames without bounced light, too, single pixels differ by up to 0.6 percent.
 #[test]
 fn anything_may_happen() {
-    let frames = asked("BOUNCE_SOAK_FRAMES", 20) as usize;
+    const FRAMES: u64 = 20;
+    let frames = asked("BOUNCE_SOAK_FRAMES", FRAMES) as usize;
     let seed = asked("BOUNCE_SOAK_SEED", 1);
     let first = soak(seed, frames);
     assert!(first.pictures * 3 > frames / LOOK, "most pictures are black");
@@ -242,7 +243,8 @@ fn anything_may_happen() {
         (second.pictures, second.most_bytes),
         "the same seed goes another way"
     );
-    assert!(change < 0.01, "the same seed gives another picture, by {change} of a value");
+    let allowed = if frames as u64 > FRAMES { 0.01 } else { 0.0 };
+    assert!(change <= allowed, "the same seed gives another picture, by {change} of a value");
 }
 
 /// Many seeds, 500 frames each.
