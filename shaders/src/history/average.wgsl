@@ -7,9 +7,11 @@
 // is even, 4.1 percent where it is not. After a budget has changed how many lights there are, the light is the same but for where these
 // lie: then the range is `LENIENT` times as wide at first and within it hardly any weight is lost, so that the new lights are faded in.
 //
-// Cost: nine texels of light and of surfaces, and what `recall.wgsl` costs.
+// Cost: what `recall.wgsl` costs; where history is more than about 2 percent off, nine texels of light and of surfaces besides.
 
-#import bevy_bounce::interleaved::surface::{Surface, unpack_surface, is_same_surface}
+#import bevy_bounce::interleaved::surface::{
+    Surface, lens_of, surface_of, unpack_surface, is_same_surface,
+}
 #import bevy_bounce::history::recall::{view, parameters, surface_texture, recall, is_finite}
 
 @group(0) @binding(6) var light_texture: texture_2d<f32>;
@@ -31,6 +33,7 @@ const BLACK: f32 = 1e-6;
 /// Standard deviation of the light around a pixel on its surface.
 fn deviation_around(center: Surface, pixel: vec2<i32>, light: vec3<f32>) -> vec3<f32> {
     let size = vec2<i32>(textureDimensions(surface_texture));
+    let lens = lens_of(view, textureDimensions(surface_texture));
     var sum = vec3<f32>(0.0);
     var squares = vec3<f32>(0.0);
     var count = 1.0;
@@ -41,7 +44,7 @@ fn deviation_around(center: Surface, pixel: vec2<i32>, light: vec3<f32>) -> vec3
         }
         let texel = textureLoad(surface_texture, other, 0).xy;
         let difference = textureLoad(light_texture, other, 0).rgb - light;
-        if is_same_surface(center, unpack_surface(texel, vec2<u32>(other), vec2<u32>(size), view)) && is_finite(difference) {
+        if is_same_surface(center, surface_of(lens, texel, vec2<u32>(other))) && is_finite(difference) {
             sum += difference;
             squares += difference * difference;
             count += 1.0;
@@ -51,25 +54,34 @@ fn deviation_around(center: Surface, pixel: vec2<i32>, light: vec3<f32>) -> vec3
     return sqrt(max(squares / count - offset * offset, vec3<f32>(0.0)));
 }
 
-fn averaged(surface: Surface, pixel: vec2<u32>, light: vec3<f32>) -> vec4<f32> {
-    let past = recall(surface, pixel);
+// How much of history is lost that lies so far off, over the range in which it may.
+fn loss_of(off: vec3<f32>, range: vec3<f32>) -> f32 {
+    let part = off / (range * mix(1.0, LENIENT, parameters.leniency) + BLACK);
+    let worst = min(max(part.x, max(part.y, part.z)), 1.0);
+    let square = worst * worst;
+    // Evenly, while lights are faded in.
+    return mix(square, square * square * square * square, parameters.leniency);
+}
+
+// This frame's light and that of the last ones.
+fn averaged(surface: Surface, pixel: vec2<u32>, light: vec3<f32>, past: vec4<f32>) -> vec4<f32> {
     if past.a < 1.0 {
         return vec4<f32>(light, 1.0);
     }
     // Of both, so that what grows is let go as readily as what shrinks.
     let middle = 0.5 * (past.rgb + light);
-    let deviation = DEVIATIONS * deviation_around(surface, vec2<i32>(pixel), light);
-    let range = (TOLERANCE * middle + min(deviation, LARGEST_DEVIATION * middle)) * mix(1.0, LENIENT, parameters.leniency);
-    let off = abs(past.rgb - light) / (range + BLACK);
-    let worst = min(max(off.x, max(off.y, off.z)), 1.0);
-    let square = worst * worst;
-    // Evenly, while lights are faded in.
-    let loss = mix(square, square * square * square * square, parameters.leniency);
-    let weight = clamp(loss, 1.0 / min(past.a + 1.0, parameters.frames), 1.0);
+    let off = abs(past.rgb - light);
+    let least = 1.0 / min(past.a + 1.0, parameters.frames);
+    var loss = loss_of(off, TOLERANCE * middle);
+    // Where it is lost no faster than it is replaced, a wider range changes nothing.
+    if loss > least {
+        let deviation = DEVIATIONS * deviation_around(surface, vec2<i32>(pixel), light);
+        loss = loss_of(off, TOLERANCE * middle + min(deviation, LARGEST_DEVIATION * middle));
+    }
+    let weight = clamp(loss, least, 1.0);
     // By a step of a half float at least, so that what stands still arrives.
-    let difference = light - past.rgb;
-    let step = min(abs(difference), max(weight * abs(difference), HALF_STEP * past.rgb));
-    return vec4<f32>(past.rgb + sign(difference) * step, 1.0 / weight);
+    let step = min(off, max(weight * off, HALF_STEP * past.rgb));
+    return vec4<f32>(past.rgb + sign(light - past.rgb) * step, 1.0 / weight);
 }
 
 @compute @workgroup_size(8, 8)
@@ -81,10 +93,11 @@ fn average(@builtin(global_invocation_id) id: vec3<u32>) {
     let surface = unpack_surface(textureLoad(surface_texture, id.xy, 0).xy, id.xy, size, view);
     let light = textureLoad(light_texture, id.xy, 0).rgb;
     var result = vec4<f32>(0.0);
-    if surface.valid && is_finite(light) {
-        result = averaged(surface, id.xy, light);
-    } else if surface.valid {
+    if surface.valid {
         result = recall(surface, id.xy);
+        if is_finite(light) {
+            result = averaged(surface, id.xy, light, result);
+        }
     }
     textureStore(output, id.xy, result);
 }

@@ -3,7 +3,7 @@
 // A workgroup a light, its tile in workgroup memory. A texel is covered by a triangle where its direction lies on the inner side
 // of the three planes through the light and the edges (Olano & Greer 1997): exact, straight and without gaps on the octahedron
 // as on any projection, with nothing to clip. A thread projects a triangle and fills it if it is small; large ones are
-// filled by all threads together.
+// filled by all threads together, block by block of texels, of which each thread has its own whatever the triangle.
 //
 // With `BAKED` a light that is on a baked object knows from its bake what it sees of that: its tile is there, and the object's triangles are
 // left out.
@@ -16,8 +16,8 @@
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::Grid
 #import bevy_bounce::shadow_atlas::tile::{
-    AtlasParameters, TILE_EMPTY, OWN_PLANE, SAME_FACING, ERROR_STEPS, tile_frame, to_tile, from_tile, tile_words, pack_texel,
-    error_of,
+    AtlasParameters, TILE_EMPTY, OWN_PLANE, SAME_FACING, ERROR_STEPS, tile_frame, to_tile, from_tile, tile_words, depth_bits,
+    surface_bits, error_of,
 }
 #import bevy_bounce::shadow_atlas::masks::{Cover, part_at, is_there}
 #import bevy_bounce::shadow_atlas::types::{
@@ -42,10 +42,12 @@ const GROUP: u32 = 64u;
 /// Largest tile, texels: 9 KiB of a workgroup's 16.
 const MAX_TILE_TEXELS: u32 = 2304u;
 /// Texels in the box of a triangle that one thread fills.
-const INLINE_TEXELS: u32 = 8u;
+const INLINE_TEXELS: i32 = 8;
+/// Edge of a block of texels, one a thread.
+const BLOCK: i32 = 8;
 
 // A triangle as a light sees it; a direction d is inside where all edges have dot(edge, d) >= 0, and meets the triangle at
-// d / dot(plane, d).
+// d / dot(plane, d) far distances.
 struct Seen {
     edge_a: vec3<f32>,
     // See `Cover`; nothing where there are no holes.
@@ -56,15 +58,18 @@ struct Seen {
     // Of triangle and light.
     name: u32,
     plane: vec3<f32>,
-    error: u32,
+    // What of a texel's word is the same all over the triangle.
+    surface: u32,
     // First and last texel; none where the last is before the first.
     low: vec2<i32>,
     high: vec2<i32>,
 }
 
 var<workgroup> nearest: array<atomic<u32>, MAX_TILE_TEXELS>;
+// Large triangles: those without holes from the front, those with holes from the back.
 var<workgroup> large: array<Seen, GROUP>;
 var<workgroup> large_count: atomic<u32>;
+var<workgroup> masked_count: atomic<u32>;
 
 struct Box {
     low: vec2<f32>,
@@ -90,9 +95,14 @@ fn include_crossings(box: ptr<function, Box>, p: vec3<f32>, q: vec3<f32>) {
     }
 }
 
-fn is_inside(seen: Seen, direction: vec3<f32>) -> bool {
-    return dot(seen.edge_a, direction) >= 0.0 && dot(seen.edge_b, direction) >= 0.0 && dot(seen.edge_c, direction) >= 0.0
-        && dot(seen.plane, direction) > 0.0;
+// Of the corners of the triangle where a direction meets it, but for a factor: parts of the volume with the light.
+fn corner_weights(seen: Seen, direction: vec3<f32>) -> vec3<f32> {
+    return vec3<f32>(dot(seen.edge_b, direction), dot(seen.edge_c, direction), dot(seen.edge_a, direction));
+}
+
+// Without branches: it is asked for every texel of a triangle's box.
+fn is_inside(weights: vec3<f32>, along: f32) -> bool {
+    return (min(weights.x, min(weights.y, weights.z)) >= 0.0) & (along > 0.0);
 }
 
 // Texels whose centres lie in the box of what is above the horizon.
@@ -108,7 +118,7 @@ fn texel_box(seen: ptr<function, Seen>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>
     for (var corner = 0u; corner < 5u; corner++) {
         var direction = vec3<f32>(0.0);
         direction[corner / 2u] = select(1.0, -1.0, (corner & 1u) != 0u);
-        if is_inside(*seen, direction) {
+        if is_inside(corner_weights(*seen, direction), dot((*seen).plane, direction)) {
             include(&box, direction);
         }
     }
@@ -146,8 +156,8 @@ fn project(occluder: Occluder, eye: vec3<f32>, frame: mat3x3<f32>, light_name: u
     seen.edge_a = cross(a, b) * side;
     seen.edge_b = cross(b, c) * side;
     seen.edge_c = cross(c, a) * side;
-    seen.plane = normal / volume;
-    seen.error = error;
+    seen.plane = normal * (parameters.far / volume);
+    seen.surface = surface_bits(error, normal * (-side / area));
     seen.most = (occluder.flags >> OCCLUDER_MOST_SHIFT) & 255u;
     seen.cover = occluder.cover;
     seen.name = (occluder.flags >> OCCLUDER_NAME_SHIFT) ^ light_name;
@@ -155,24 +165,45 @@ fn project(occluder: Occluder, eye: vec3<f32>, frame: mat3x3<f32>, light_name: u
     return seen;
 }
 
-// Whether a triangle has a hole where a direction within it meets it, as that texel sees it.
-fn is_hole(seen: Seen, direction: vec3<f32>, texel: i32) -> bool {
-    // Of the corners, but for a factor: parts of the volume with the light.
-    let weights = vec3<f32>(dot(seen.edge_b, direction), dot(seen.edge_c, direction), dot(seen.edge_a, direction));
+// Whether a triangle has a hole at those weights of its corners, as that texel sees it.
+fn is_hole(seen: Seen, weights: vec3<f32>, texel: i32) -> bool {
     let part = part_at(weights.yz / max(weights.x + weights.y + weights.z, 1e-30));
     return !is_there(Cover(seen.most, seen.cover), part, hash(hash(seen.name) ^ u32(texel)));
 }
 
-fn fill(seen: Seen, texel: vec2<i32>) {
-    let edge = i32(parameters.tile);
-    let direction = from_tile((vec2<f32>(texel) + 0.5) / f32(edge));
-    if is_inside(seen, direction) {
-        if seen.most != 0u && is_hole(seen, direction, texel.y * edge + texel.x) {
-            return;
+// The word of a texel that a triangle covers; empty where it does not.
+fn word_at(seen: Seen, x: i32, y: i32, has_holes: bool) -> u32 {
+    let direction = from_tile((vec2<f32>(f32(x), f32(y)) + 0.5) * (1.0 / f32(parameters.tile)));
+    let weights = corner_weights(seen, direction);
+    let along = dot(seen.plane, direction);
+    var inside = is_inside(weights, along);
+    if has_holes {
+        inside = inside && !is_hole(seen, weights, y * i32(parameters.tile) + x);
+    }
+    return select(TILE_EMPTY, depth_bits(length(direction) / along) | seen.surface, inside);
+}
+
+// By one thread, beside others that fill other triangles.
+fn fill_small(seen: Seen) {
+    for (var y = seen.low.y; y <= seen.high.y; y++) {
+        for (var x = seen.low.x; x <= seen.high.x; x++) {
+            let word = word_at(seen, x, y, seen.most != 0u);
+            if word != TILE_EMPTY {
+                atomicMin(&nearest[y * i32(parameters.tile) + x], word);
+            }
         }
-        let depth = length(direction) / dot(seen.plane, direction);
-        let word = pack_texel(depth, seen.error, -normalize(seen.plane), parameters.far);
-        atomicMin(&nearest[texel.y * edge + texel.x], word);
+    }
+}
+
+// By all threads: `own` is the thread's texel of each block.
+fn fill_large(seen: Seen, own: vec2<i32>, has_holes: bool) {
+    let low = seen.low & vec2<i32>(-BLOCK);
+    for (var y = low.y + own.y; y <= seen.high.y; y += BLOCK) {
+        for (var x = low.x + own.x; x <= seen.high.x; x += BLOCK) {
+            let i = y * i32(parameters.tile) + x;
+            let word = select(word_at(seen, x, y, has_holes), TILE_EMPTY, x < seen.low.x || y < seen.low.y);
+            atomicStore(&nearest[i], min(atomicLoad(&nearest[i]), word));
+        }
     }
 }
 
@@ -209,6 +240,7 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     let eye = vpl.position;
     let frame = tile_frame(vpl.normal);
     let known = known_object(light);
+    let own = vec2<i32>(vec2<u32>(lane & 7u, lane >> 3u));
     // That of the vertex of the path, wherever in the list the light is.
     let light_name = hash(hash(vpl.sample) ^ (vpl.bounce_met & ~MET));
 
@@ -221,27 +253,31 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
             }
             let size = seen.high - seen.low + 1;
             if size.x > 0 && size.y > 0 {
-                if u32(size.x * size.y) <= INLINE_TEXELS {
-                    for (var i = 0; i < size.x * size.y; i++) {
-                        fill(seen, seen.low + vec2<i32>(i % size.x, i / size.x));
-                    }
+                if size.x * size.y <= INLINE_TEXELS {
+                    fill_small(seen);
                 } else {
-                    large[atomicAdd(&large_count, 1u)] = seen;
+                    if seen.most == 0u {
+                        large[atomicAdd(&large_count, 1u)] = seen;
+                    } else {
+                        large[GROUP - 1u - atomicAdd(&masked_count, 1u)] = seen;
+                    }
                 }
             }
         }
         workgroupBarrier();
         let count = atomicLoad(&large_count);
         for (var k = 0u; k < count; k++) {
-            let seen = large[k];
-            let size = seen.high - seen.low + 1;
-            for (var i = i32(lane); i < size.x * size.y; i += i32(GROUP)) {
-                fill(seen, seen.low + vec2<i32>(i % size.x, i / size.x));
-            }
+            fill_large(large[k], own, false);
+        }
+        // Beside the others, for which what holes take would be done in vain.
+        let masked = atomicLoad(&masked_count);
+        for (var k = 0u; k < masked; k++) {
+            fill_large(large[GROUP - 1u - k], own, true);
         }
         workgroupBarrier();
         if lane == 0u {
             atomicStore(&large_count, 0u);
+            atomicStore(&masked_count, 0u);
         }
         workgroupBarrier();
     }

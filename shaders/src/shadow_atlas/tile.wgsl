@@ -65,8 +65,16 @@ fn tile_words(parameters: AtlasParameters) -> u32 {
 
 /// A surface at a depth in world units, with the [`OccluderChunk::error`] of what casts; of two, the lower word is the nearer.
 fn pack_texel(depth: f32, error: u32, normal: vec3<f32>, far: f32) -> u32 {
-    let steps = u32(clamp(depth / far, 0.0, 1.0) * (DEPTH_STEPS - 1.0));
-    return (steps << 18u) | (error << 16u) | encode_unit_8(normal);
+    return depth_bits(depth / far) | surface_bits(error, normal);
+}
+
+/// Of a part of the far distance.
+fn depth_bits(share: f32) -> u32 {
+    return u32(clamp(share, 0.0, 1.0) * (DEPTH_STEPS - 1.0)) << 18u;
+}
+
+fn surface_bits(error: u32, normal: vec3<f32>) -> u32 {
+    return (error << 16u) | encode_unit_8(normal);
 }
 
 /// World units.

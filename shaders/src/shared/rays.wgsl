@@ -153,35 +153,43 @@ fn in_level(ray: Ray, level: GridLevel, ratio: f32) -> Ray {
     return coarse;
 }
 
-// The first surface met between two places in one grid, all in its voxels.
+// The first surface met between two places in one grid, all in its voxels. What is done in an occupied voxel stands outside of the loop
+// that looks for the next, so that threads in step come to it together.
 fn walk(ray: Ray, safe: vec3<f32>, inverse: vec3<f32>, level: GridLevel, from_t: f32, end: f32) -> Hit {
     let ahead = select(vec3<f32>(0.0), vec3<f32>(1.0), safe > vec3<f32>(0.0));
+    var enter = from_t;
     var t = from_t;
     var step = 0u;
-    for (; step < MAX_STEPS && t < end; step++) {
-        let nudge = max(NUDGE, LEAST_NUDGE * t);
-        let voxel = floor(ray.origin + safe * (t + nudge));
-        if any(voxel < vec3<f32>(0.0)) || any(voxel >= vec3<f32>(level.dims)) {
-            // On the boundary, by rounding.
-            t += nudge;
-            continue;
-        }
-        let word = voxels[voxel_index(level, vec3<i32>(voxel))];
-        // Edge of the empty cube around the voxel's block, or of the voxel, along the ray.
-        let distance = f32(voxel_distance(word));
-        let block = floor(voxel / LEAP) * LEAP;
-        let reach = vec3<f32>((distance - 1.0) * LEAP);
-        let leap = block + ahead * LEAP + select(-reach, reach, safe > vec3<f32>(0.0));
-        let boundary = select(voxel + ahead, leap, distance > 0.0);
-        let exits = (boundary - ray.origin) * inverse;
-        let leave = max(min(exits.x, min(exits.y, exits.z)), t + nudge);
-        if voxel_facings(word) != 0u {
-            let hit = hit_voxel(ray, word, level.first_cell, voxel, t, leave);
-            if hit.found && hit.t < end {
-                return Hit(true, hit.t, hit.cell, hit.normal, 0u, step + 1u);
+    loop {
+        var word = 0u;
+        var voxel = vec3<f32>(0.0);
+        while step < MAX_STEPS && t < end && voxel_facings(word) == 0u {
+            step++;
+            enter = t;
+            let nudge = max(NUDGE, LEAST_NUDGE * t);
+            voxel = floor(ray.origin + safe * (t + nudge));
+            if any(voxel < vec3<f32>(0.0)) || any(voxel >= vec3<f32>(level.dims)) {
+                // On the boundary, by rounding.
+                t += nudge;
+                continue;
             }
+            word = voxels[voxel_index(level, vec3<i32>(voxel))];
+            // Edge of the empty cube around the voxel's block, or of the voxel, along the ray.
+            let distance = f32(voxel_distance(word));
+            let block = floor(voxel / LEAP) * LEAP;
+            let reach = vec3<f32>((distance - 1.0) * LEAP);
+            let leap = block + ahead * LEAP + select(-reach, reach, safe > vec3<f32>(0.0));
+            let boundary = select(voxel + ahead, leap, distance > 0.0);
+            let exits = (boundary - ray.origin) * inverse;
+            t = max(min(exits.x, min(exits.y, exits.z)), t + nudge);
         }
-        t = leave;
+        if voxel_facings(word) == 0u {
+            break;
+        }
+        let hit = hit_voxel(ray, word, level.first_cell, voxel, enter, t);
+        if hit.found && hit.t < end {
+            return Hit(true, hit.t, hit.cell, hit.normal, 0u, step);
+        }
     }
     return Hit(false, ray.length, 0u, vec3<f32>(0.0), 0u, step);
 }

@@ -34,17 +34,19 @@ struct Triangle {
 }
 
 fn vertex_position(instance: Instance, vertex: u32) -> vec3<f32> {
-    if instance.deformed_offset != NONE {
-        let o = instance.deformed_offset + vertex * DEFORMED_WORDS;
-        return vec3<f32>(bitcast<f32>(geometry[o]), bitcast<f32>(geometry[o + 1u]), bitcast<f32>(geometry[o + 2u]));
-    }
-    let o = instance.vertex_offset + vertex * VERTEX_WORDS;
+    let is_deformed = instance.deformed_offset != NONE;
+    let o = select(
+        instance.vertex_offset + vertex * VERTEX_WORDS,
+        instance.deformed_offset + vertex * DEFORMED_WORDS,
+        is_deformed,
+    );
     let p = vec4<f32>(bitcast<f32>(geometry[o]), bitcast<f32>(geometry[o + 1u]), bitcast<f32>(geometry[o + 2u]), 1.0);
-    return vec3<f32>(
+    let placed = vec3<f32>(
         dot(instance.world_from_local_x, p),
         dot(instance.world_from_local_y, p),
         dot(instance.world_from_local_z, p),
     );
+    return select(placed, p.xyz, is_deformed);
 }
 
 fn vertex_uv(instance: Instance, vertex: u32) -> vec2<f32> {

@@ -153,32 +153,62 @@ fn near_bit(from_receiver: vec2<i32>) -> u32 {
     return select(0u, bit, all(place >= vec2<i32>(0)) && all(place <= vec2<i32>(2 * NEAR)));
 }
 
-// What is in a texel and in the disc.
-fn descend(lens: Lens, receiver: Receiver, disc: Disc, root: vec2<i32>, top: u32) -> Found {
+// A texel on the way through the levels.
+struct Place {
+    texel: vec2<i32>,
+    level: u32,
+}
+
+// Texels from which the descent starts, row by row.
+struct Roots {
+    low: vec2<i32>,
+    high: vec2<i32>,
+    level: u32,
+}
+
+fn roots_of(disc: Disc) -> Roots {
+    let level = u32(clamp(ceil(log2(2.0 * max(disc.radius.x, disc.radius.y))), 0.0, f32(SSBC_LEVELS)));
+    let last = vec2<f32>(textureDimensions(surface_texture)) - 1.0;
+    let low = vec2<i32>(max(disc.middle - disc.radius, vec2<f32>(0.0)));
+    let high = vec2<i32>(clamp(disc.middle + disc.radius, vec2<f32>(0.0), last));
+    return Roots(low >> vec2<u32>(level), high >> vec2<u32>(level), level);
+}
+
+fn is_over(place: Place, roots: Roots) -> bool {
+    return place.level == roots.level && place.texel.y > roots.high.y;
+}
+
+// What comes after a texel and all below it: up from the last of each four, then the next of four or the next root.
+fn after(place: Place, roots: Roots) -> Place {
+    let up = min(countTrailingZeros(~u32(place.texel.x & place.texel.y)), roots.level - place.level);
+    let texel = place.texel >> vec2<u32>(up);
+    let level = place.level + up;
+    let sibling = texel + select(vec2<i32>(-1, 1), vec2<i32>(1, 0), (texel.x & 1) == 0);
+    let root = select(vec2<i32>(roots.low.x, texel.y + 1), texel + vec2<i32>(1, 0), texel.x < roots.high.x);
+    return Place(select(sibling, root, level == roots.level), level);
+}
+
+// What is in the disc. A visit is dear, and stands outside of the loop that looks for the next texel, so that threads in step come to it
+// together, whatever root they are below.
+fn descend(lens: Lens, receiver: Receiver, disc: Disc, roots: Roots) -> Found {
     var found = Found(vec3<f32>(0.0), 0u);
-    var texel = root;
-    var level = top;
+    var place = Place(roots.low, roots.level);
     loop {
-        var visited = NOTHING;
-        if is_within(texel, level, disc) {
-            visited = visit(lens, receiver, texel, level);
+        while !is_over(place, roots) && !is_within(place.texel, place.level, disc) {
+            place = after(place, roots);
         }
-        if visited.large && level > 0u {
-            texel *= 2;
-            level--;
-            continue;
-        }
-        let bit = select(0u, near_bit(texel - receiver.pixel), visited.large);
-        found.near |= bit;
-        found.light += select(visited.light, vec3<f32>(0.0), bit != 0u);
-        // Up from the last of each four, then to the next one.
-        let up = min(countTrailingZeros(~u32(texel.x & texel.y)), top - level);
-        texel = texel >> vec2<u32>(up);
-        level += up;
-        if level == top {
+        if is_over(place, roots) {
             break;
         }
-        texel += select(vec2<i32>(-1, 1), vec2<i32>(1, 0), (texel.x & 1) == 0);
+        let visited = visit(lens, receiver, place.texel, place.level);
+        if visited.large && place.level > 0u {
+            place = Place(2 * place.texel, place.level - 1u);
+        } else {
+            let bit = select(0u, near_bit(place.texel - receiver.pixel), visited.large);
+            found.near |= bit;
+            found.light += select(visited.light, vec3<f32>(0.0), bit != 0u);
+            place = after(place, roots);
+        }
     }
     return found;
 }
@@ -193,19 +223,9 @@ fn residual_light(lens: Lens, surface: Surface, pixel: vec2<u32>) -> vec3<f32> {
     let receiver = Receiver(surface.position, surface.normal, vec2<i32>(pixel), slope / lens.pixel, bound);
     let reach = inverseSqrt(bound);
     let disc = sphere_on_screen(surface.position + surface.normal * (LOBE_HEIGHT * reach), LOBE_RADIUS * reach);
-    let top = u32(clamp(ceil(log2(2.0 * max(disc.radius.x, disc.radius.y))), 0.0, f32(SSBC_LEVELS)));
-    let last = vec2<f32>(textureDimensions(surface_texture)) - 1.0;
-    let low = vec2<i32>(max(disc.middle - disc.radius, vec2<f32>(0.0))) >> vec2<u32>(top);
-    let high = vec2<i32>(clamp(disc.middle + disc.radius, vec2<f32>(0.0), last)) >> vec2<u32>(top);
-    var light = vec3<f32>(0.0);
-    var near = 0u;
-    for (var y = low.y; y <= high.y; y++) {
-        for (var x = low.x; x <= high.x; x++) {
-            let found = descend(lens, receiver, disc, vec2<i32>(x, y), top);
-            light += found.light;
-            near |= found.near;
-        }
-    }
+    let found = descend(lens, receiver, disc, roots_of(disc));
+    var light = found.light;
+    var near = found.near;
     while near != 0u {
         let bit = i32(countTrailingZeros(near));
         near &= near - 1u;

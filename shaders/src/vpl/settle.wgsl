@@ -4,7 +4,7 @@
 // Either way goes from voxel to voxel, through the lists of the triangles in these (`triangle_lists.wgsl`).
 //
 // Cost, a bounce: one thread a path that goes on; up to fourteen voxels, and for each triangle in their lists about 30 loads and 80
-// operations; as much again for each hole that it passes.
+// operations, but for those that were among the last four; as much again for each hole that it passes.
 
 #import bevy_bounce::shared::chunks::triangle_of
 #import bevy_bounce::shared::grid::{Grid, GridLevel, to_level}
@@ -96,32 +96,48 @@ fn meet_triangle(best: Meeting, after: Meeting, way: Way, triangle: u32) -> Meet
     return Meeting(true, distance, t.normal * -sign(dot(t.normal, way.direction)), triangle);
 }
 
-// From voxel to voxel along the way. Amanatides & Woo 1987.
+fn first_entry_in(level: GridLevel, voxel: vec3<i32>) -> u32 {
+    if any(voxel < vec3<i32>(0)) || any(voxel >= vec3<i32>(level.dims)) {
+        return 0u;
+    }
+    return lists[list_of(level, voxel)];
+}
+
+// From voxel to voxel along the way. Amanatides & Woo 1987. What is done for each triangle stands outside of the loop that looks for the
+// next, so that threads in step come to it together.
 fn next_meeting(way: Way, after: Meeting) -> Meeting {
     var best = Meeting(false, way.length, vec3<f32>(0.0), NO_TRIANGLE);
     let speed = max(abs(way.direction), vec3<f32>(1e-6));
     let into = fract(way.start);
     var voxel = vec3<i32>(floor(way.start));
     var leave = select(into, 1.0 - into, way.direction > vec3<f32>(0.0)) / speed;
-    var enter = 0.0;
-    for (var i = 0u; i < MOST_VOXELS && enter <= best.distance; i++) {
-        var entry = 0u;
-        if all(voxel >= vec3<i32>(0)) && all(voxel < vec3<i32>(way.level.dims)) {
-            entry = lists[list_of(way.level, voxel)];
+    var entry = first_entry_in(way.level, voxel);
+    // The last that were looked at: large ones are in the lists of many voxels.
+    var known = vec4<u32>(NO_TRIANGLE);
+    var voxels_left = MOST_VOXELS;
+    loop {
+        var triangle = NO_TRIANGLE;
+        while triangle == NO_TRIANGLE && voxels_left > 0u {
+            if entry != 0u {
+                let listed = lists[entry];
+                triangle = select(listed, NO_TRIANGLE, any(known == vec4<u32>(listed)));
+                entry = lists[entry + 1u];
+            } else {
+                let enter = min(leave.x, min(leave.y, leave.z));
+                let is_x = leave.x == enter;
+                let is_y = !is_x && leave.y == enter;
+                let along = vec3<f32>(vec3<bool>(is_x, is_y, !is_x && !is_y));
+                voxel += vec3<i32>(along * sign(way.direction));
+                leave += along / speed;
+                entry = first_entry_in(way.level, voxel);
+                voxels_left = select(0u, voxels_left - 1u, enter <= best.distance);
+            }
         }
-        while entry != 0u {
-            best = meet_triangle(best, after, way, lists[entry]);
-            entry = lists[entry + 1u];
+        if triangle == NO_TRIANGLE {
+            break;
         }
-        enter = min(leave.x, min(leave.y, leave.z));
-        var along = vec3<f32>(0.0, 0.0, 1.0);
-        if leave.x == enter {
-            along = vec3<f32>(1.0, 0.0, 0.0);
-        } else if leave.y == enter {
-            along = vec3<f32>(0.0, 1.0, 0.0);
-        }
-        voxel += vec3<i32>(along * sign(way.direction));
-        leave += along / speed;
+        best = meet_triangle(best, after, way, triangle);
+        known = vec4<u32>(triangle, known.xyz);
     }
     return best;
 }
