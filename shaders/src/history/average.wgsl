@@ -24,7 +24,7 @@ const TOLERANCE: f32 = 0.06;
 const DEVIATIONS: f32 = 0.25;
 const LARGEST_DEVIATION: f32 = 0.04;
 /// Times the range is as wide at full leniency.
-const LENIENT: f32 = 8.0;
+const LENIENT: f32 = 16.0;
 /// Share of a half float that takes it to the next one.
 const HALF_STEP: f32 = 0.0005;
 /// Pre-exposed light below what any display shows.
