@@ -7,7 +7,7 @@
 // is even, 4.1 percent where it is not. After a budget has changed how many lights there are, the light is the same but for where these
 // lie: then the range is `LENIENT` times as wide at first and within it hardly any weight is lost, so that the new lights are faded in.
 //
-// Cost: what `recall.wgsl` costs; where history is more than about 2 percent off, nine texels of light and of surfaces besides.
+// Cost: what `recall.wgsl` costs; where history of eight frames is more than about 2 percent off, nine texels of light and of surfaces besides.
 
 #import bevy_bounce::interleaved::surface::{
     Surface, lens_of, surface_of, unpack_surface, is_same_surface,

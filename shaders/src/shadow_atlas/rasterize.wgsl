@@ -43,7 +43,7 @@ const GROUP: u32 = 64u;
 const MAX_TILE_TEXELS: u32 = 2304u;
 /// Texels in the box of a triangle that one thread fills.
 const INLINE_TEXELS: i32 = 8;
-/// Edge of a block of texels, one a thread.
+/// Edge of a block of texels, one a thread: the root of `GROUP`.
 const BLOCK: i32 = 8;
 
 // A triangle as a light sees it; a direction d is inside where all edges have dot(edge, d) >= 0, and meets the triangle at
@@ -240,7 +240,7 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     let eye = vpl.position;
     let frame = tile_frame(vpl.normal);
     let known = known_object(light);
-    let own = vec2<i32>(vec2<u32>(lane & 7u, lane >> 3u));
+    let own = vec2<i32>(i32(lane) % BLOCK, i32(lane) / BLOCK);
     // That of the vertex of the path, wherever in the list the light is.
     let light_name = hash(hash(vpl.sample) ^ (vpl.bounce_met & ~MET));
 
@@ -269,7 +269,7 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
         for (var k = 0u; k < count; k++) {
             fill_large(large[k], own, false);
         }
-        // Beside the others, for which what holes take would be done in vain.
+        // Apart from the others, so that these do not pay for holes.
         let masked = atomicLoad(&masked_count);
         for (var k = 0u; k < masked; k++) {
             fill_large(large[GROUP - 1u - k], own, true);

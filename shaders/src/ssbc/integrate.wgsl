@@ -175,7 +175,7 @@ fn roots_of(disc: Disc) -> Roots {
 }
 
 fn is_over(place: Place, roots: Roots) -> bool {
-    return place.level == roots.level && place.texel.y > roots.high.y;
+    return place.level == roots.level && (place.texel.y > roots.high.y || roots.low.x > roots.high.x);
 }
 
 // What comes after a texel and all below it: up from the last of each four, then the next of four or the next root.
