@@ -86,8 +86,8 @@ fn radiance(mut origin: Vec3, mut ray: Vec3, random: &mut Random) -> Vec3 {
     light
 }
 
-/// A direction by the phase function of Henyey and Greenstein about another; its cosine by the inverse of the cumulative distribution (Pharr et
-/// al., "Physically Based Rendering", 11.3).
+/// A direction by the phase function of Henyey and Greenstein about another; its cosine by the inverse of the
+/// cumulative distribution (Pharr et al., "Physically Based Rendering", 11.3).
 fn henyey_greenstein(about: Vec3, g: f32, random: &mut Random) -> Vec3 {
     let u = random.unit();
     let cosine = if g == 0.0 {

@@ -19,10 +19,11 @@
 //! | [`stats`] | chi-squared test |
 //! | [`twins`] | the shaders again, in plain Rust |
 //!
-//! The tests are in `tests/suite` (stages and shaders), `tests/baked` (visibility and lightmaps), `tests/caches` (radiance caches and
-//! history), `tests/frames` (whole frames) and `tests/settings` (what a camera asks for). Environment: `BOUNCE_WEBGPU_LIMITS=1` runs every device with WebGPU's default limits
-//! and no optional feature; `BOUNCE_SHARED` names the folder with scenes and references; `BOUNCE_STRICT=1` fails where
-//! they are absent instead of skipping by name.
+//! The tests are in `tests/suite` (stages and shaders), `tests/baked` (visibility and lightmaps), `tests/caches`
+//! (radiance caches and history), `tests/frames` (whole frames) and `tests/settings` (what a camera asks for).
+//! Environment: `BOUNCE_WEBGPU_LIMITS=1` runs every device with WebGPU's default limits and no optional feature;
+//! `BOUNCE_SHARED` names the folder with scenes and references; `BOUNCE_STRICT=1` fails where they are absent instead
+//! of skipping by name.
 
 pub mod baked;
 pub mod balls;

@@ -38,8 +38,8 @@ pub const SMALL: GiSettings = GiSettings {
     history: 0,
 };
 
-/// Edge of the shadow maps of spot and directional lights, in texels, twice that of point lights' faces, whatever a scene asks for. Larger ones
-/// keep a software adapter's rasteriser busy, whatever the size of the picture.
+/// Edge of the shadow maps of spot and directional lights, in texels, twice that of point lights' faces, whatever a
+/// scene asks for. Larger ones keep a software adapter's rasteriser busy, whatever the size of the picture.
 const SHADOW_MAP: usize = 512;
 
 /// Global illumination with those settings.

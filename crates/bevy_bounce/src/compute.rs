@@ -63,7 +63,8 @@ pub(crate) struct KernelDescriptor<'a> {
     pub defs: Vec<ShaderDefVal>,
 }
 
-/// A compute pipeline and the layout of its group 0. The pipeline is queued when the kernel is first asked for: a game compiles what it uses.
+/// A compute pipeline and the layout of its group 0. The pipeline is queued when the kernel is first asked for: a game
+/// compiles what it uses.
 pub(crate) struct Kernel {
     name: &'static str,
     descriptor: ComputePipelineDescriptor,

@@ -48,7 +48,8 @@ pub enum Technique {
     SurfaceRadiosity,
 }
 
-/// How much is spent. Baked objects are gathered from with an error of 32, 16, 8 and 4 steps of the display. With several cameras the world stages follow the most demanding one.
+/// How much is spent. Baked objects are gathered from with an error of 32, 16, 8 and 4 steps of the display. With
+/// several cameras the world stages follow the most demanding one.
 #[derive(Reflect, Clone, Copy, Debug, Default, PartialEq)]
 #[reflect(Default)]
 pub enum Quality {
@@ -69,15 +70,16 @@ pub enum Quality {
 #[derive(Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Default)]
 pub struct GiSettings {
-    /// Edge of the voxel grid, in voxels: the budget is `grid`^3, spread over the scene's bounds, or what of them is in `range`, in cubic voxels.
-    /// 8 to 256; 128 at most where radiance caches are used. Memory and the cost of voxelisation grow with its cube; large meshes
-    /// may have more triangles in shadow maps.
+    /// Edge of the voxel grid, in voxels: the budget is `grid`^3, spread over the scene's bounds, or what of them is in
+    /// `range`, in cubic voxels. 8 to 256; 128 at most where radiance caches are used. Memory and the cost of
+    /// voxelisation grow with its cube; large meshes may have more triangles in shadow maps.
     #[reflect(@8..=256_u32)]
     pub grid: u32,
-    /// How far around the camera bounced light is as fine as the grid makes it, world units: 1 to 10,000. A scene that is wider than twice as far has further grids around that one,
-    /// each four times as wide, of which the fourth at most holds all; most virtual lights are near the camera, and light probes are
-    /// within this range alone, as is glossy light by caches. More is coarser near the camera; each further grid takes the memory and
-    /// the time of another.
+    /// How far around the camera bounced light is as fine as the grid makes it, world units: 1 to 10,000. A scene that
+    /// is wider than twice as far has further grids around that one, each four times as wide, of which the fourth at
+    /// most holds all; most virtual lights are near the camera, and light probes are within this range alone, as is
+    /// glossy light by caches. More is coarser near the camera; each further grid takes the memory and the time of
+    /// another.
     #[reflect(@1.0..=1e4_f32)]
     pub range: f32,
     /// Virtual point lights, 16 to 65536. Each pixel is lit by a sixteenth of them; cost is proportional.
@@ -89,27 +91,30 @@ pub struct GiSettings {
     pub bounces: u32,
     /// What a virtual light can see.
     pub visibility: VplVisibility,
-    /// Edge of a virtual light's shadow map, texels: 8 to 48, a multiple of four. Four bytes a texel and light; memory and the cost of filling
-    /// it grow with its square, and contact shadows become sharper in proportion.
+    /// Edge of a virtual light's shadow map, texels: 8 to 48, a multiple of four. Four bytes a texel and light; memory
+    /// and the cost of filling it grow with its square, and contact shadows become sharper in proportion.
     #[reflect(@8..=48_u32)]
     pub tile: u32,
-    /// Scale of the bound of the geometry term, which by itself is that of two surfaces at the distance between lights (their
-    /// number over the area of the surfaces around the point that is lit): 0.01 to 100. Higher keeps more light in corners, and shows single lights as bright patches. `ssbc`
-    /// gives back what a low one takes, as far as the camera sees it.
+    /// Scale of the bound of the geometry term, which by itself is that of two surfaces at the distance between lights
+    /// (their number over the area of the surfaces around the point that is lit): 0.01 to 100. Higher keeps more light
+    /// in corners, and shows single lights as bright patches. `ssbc` gives back what a low one takes, as far as the
+    /// camera sees it.
     #[reflect(@0.01..=100.0_f32)]
     pub bound: f32,
-    /// Light probes along the scene's longest axis, for what is not in the G-buffer: transparent and forward-rendered surfaces; and half the froxels along
-    /// the picture's, for volumetric fog. 0 for none, or 4 to 64. Their light is as fine as they are near each other; cost and memory grow with the
-    /// cube. In frames without any of these they cost no time.
+    /// Light probes along the scene's longest axis, for what is not in the G-buffer: transparent and forward-rendered
+    /// surfaces; and half the froxels along the picture's, for volumetric fog. 0 for none, or 4 to 64. Their light is
+    /// as fine as they are near each other; cost and memory grow with the cube. In frames without any of these they
+    /// cost no time.
     #[reflect(@0..=64_u32)]
     pub probes: u32,
-    /// Directions from which the sky's light comes, for the whole picture: 0 to 256, a multiple of 16. The sky is what the camera's
-    /// `EnvironmentMapLight` shows, also one that Bevy makes of its atmosphere; without one, its `Skybox`; with neither, ambient light
-    /// from all around, as bright as Bevy shows it in the open: the camera's `AmbientLight`, or a `GlobalAmbientLight` that is not Bevy's
-    /// default. Its light is then shadowed by the scene and bounces, and takes the place of Bevy's diffuse light by environment maps; what is
-    /// mirrored of them stays as far as the sky is seen from there, but with [`Technique::RadianceCache`], whose caches show the sky. 0 leaves
-    /// all to Bevy, and of ambient light nothing. Each pixel sends a sixteenth of so many rays through the voxel grid; more make its shadows
-    /// smoother. Not with [`Technique::SurfaceRadiosity`].
+    /// Directions from which the sky's light comes, for the whole picture: 0 to 256, a multiple of 16. The sky is what
+    /// the camera's `EnvironmentMapLight` shows, also one that Bevy makes of its atmosphere; without one, its `Skybox`;
+    /// with neither, ambient light from all around, as bright as Bevy shows it in the open: the camera's
+    /// `AmbientLight`, or a `GlobalAmbientLight` that is not Bevy's default. Its light is then shadowed by the scene
+    /// and bounces, and takes the place of Bevy's diffuse light by environment maps; what is mirrored of them stays as
+    /// far as the sky is seen from there, but with [`Technique::RadianceCache`], whose caches show the sky. 0 leaves
+    /// all to Bevy, and of ambient light nothing. Each pixel sends a sixteenth of so many rays through the voxel grid;
+    /// more make its shadows smoother. Not with [`Technique::SurfaceRadiosity`].
     #[reflect(@0..=256_u32)]
     pub sky: u32,
     /// Pixels at which bounced light is shaded.
@@ -120,11 +125,11 @@ pub struct GiSettings {
     pub cssm: CssmSettings,
     /// Caches of incident light: glossy light beside virtual point lights, and all of [`Technique::RadianceCache`].
     pub radiance_cache: RadianceCacheSettings,
-    /// Frames over which bounced light is averaged where it hardly changes, 0 to 64; 0 and 1 are off. More is calmer, and no frame
-    /// is more than four percent off its own light whatever this is. Baked light has the mean of up to 64 frames, from 2 on, while
-    /// everything rests. Costs the same from 2 on: 16 bytes a pixel, motion vectors included, and 8 more with glossy light; for baked light as
-    /// much again, at least; see [`history`](crate::history). Bevy compiles other pipelines for its prepass when it
-    /// is switched on or off, and leaves out what waits for them.
+    /// Frames over which bounced light is averaged where it hardly changes, 0 to 64; 0 and 1 are off. More is calmer,
+    /// and no frame is more than four percent off its own light whatever this is. Baked light has the mean of up to 64
+    /// frames, from 2 on, while everything rests. Costs the same from 2 on: 16 bytes a pixel, motion vectors included,
+    /// and 8 more with glossy light; for baked light as much again, at least; see [`history`](crate::history). Bevy
+    /// compiles other pipelines for its prepass when it is switched on or off, and leaves out what waits for them.
     #[reflect(@0..=64_u32)]
     pub history: u32,
 }
@@ -264,8 +269,9 @@ pub enum VplVisibility {
     /// 268 million, and by 65,535 triangles. Where even so many would be coarser, lights see as with `Voxel`.
     #[default]
     Atlas,
-    /// As `Atlas`, but what lights on a [`CssmObject`](crate::CssmObject) see of that is looked up in its bake, whatever its triangles: there
-    /// are no coarser versions of its meshes. Takes the bake's memory, and three to ten reads a texel of each map.
+    /// As `Atlas`, but what lights on a [`CssmObject`](crate::CssmObject) see of that is looked up in its bake,
+    /// whatever its triangles: there are no coarser versions of its meshes. Takes the bake's memory, and three to ten
+    /// reads a texel of each map.
     Baked,
 }
 

@@ -12,8 +12,9 @@
 //! | `coat` | rgba16float | the same with that of its clearcoat; where there are radiance caches |
 //! | `interleaved` | rgba16float | bounced light, half filtered; then what compensation adds, half blurred; then bounced light averaged over frames |
 //!
-//! Light is pre-exposed: cd/m^2 times the view's exposure. `direct`, `indirect`, the two of the sky, `glossy` and `coat` are the layers of one
-//! array, so that the composing pass needs one binding for all: Bevy's view bindings leave no more of the 16 that WebGPU guarantees.
+//! Light is pre-exposed: cd/m^2 times the view's exposure. `direct`, `indirect`, the two of the sky, `glossy` and
+//! `coat` are the layers of one array, so that the composing pass needs one binding for all: Bevy's view bindings leave
+//! no more of the 16 that WebGPU guarantees.
 
 use bevy::camera::MainPassResolutionOverride;
 use bevy::prelude::*;

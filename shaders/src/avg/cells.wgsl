@@ -2,11 +2,11 @@
 //
 // Cost: reads each voxel three times, each cell once.
 
-#import bevy_bounce::shared::groups::{folded_index, exclusive_scan, scan_total}
 #import bevy_bounce::shared::grid::{
     Grid, Cell, voxel_count, voxel_facings, facing_of, pack_bounds, CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, SUM_MASKED,
     SUM_FRONT, COUNTER_CELLS, COUNTER_OVERFLOW, COUNTER_AREA, COUNTER_AREA_STEPS, COUNTER_FINEST,
 }
+#import bevy_bounce::shared::groups::{folded_index, exclusive_scan, scan_total}
 #import bevy_bounce::shared::octahedral::encode_unit
 
 @group(0) @binding(0) var<uniform> grid: Grid;
@@ -95,8 +95,8 @@ fn mean_of(sum: u32) -> vec3<f32> {
     return vec3<f32>(vec3<i32>(sums[sum + 1u], sums[sum + 2u], sums[sum + 3u])) / f32(sums[sum]);
 }
 
-// The albedo of what is seen of a cell: that of all its surfaces as long as they have room side by side across the facing's axis, of those in
-// front the more of them lie behind each other.
+// The albedo of what is seen of a cell: that of all its surfaces as long as they have room side by side across the
+// facing's axis, of those in front the more of them lie behind each other.
 fn albedo_of(sum: u32, size: vec3<f32>) -> vec3<f32> {
     let normal = vec3<f32>(vec3<i32>(sums[sum + 4u], sums[sum + 5u], sums[sum + 6u])) / AREA_ONE;
     let axis = facing_of(normal) / 2u;

@@ -3,10 +3,10 @@
 //
 // Cost: every voxel is read once; then three passes over an eighth as many blocks, two reads per unit of their distance.
 
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{
     Grid, GridLevel, grid_level, level_of_block, voxel_index, voxel_facings, leap_dims, DISTANCE_SHIFT, MAX_DISTANCE, LEAP_BLOCK,
 }
+#import bevy_bounce::shared::groups::folded_index
 
 @group(0) @binding(0) var<uniform> grid: Grid;
 @group(0) @binding(1) var<storage, read_write> voxels: array<u32>;

@@ -22,11 +22,11 @@
 #import bevy_bounce::avg::queue::{QueueEntry, enqueue, queue_entry}
 #import bevy_bounce::shared::chunks::triangle_of
 #import bevy_bounce::shared::columns::{turn, turn_voxel, turn_back, column_axis}
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::grid::{
     Grid, GridLevel, grid_level, level_of_brick, brick_index, brick_place, voxel_index, voxel_facings, cell_index, facing_of,
     CELL_BITS, AREA_ONE, BOUND_ONE, SUM_WORDS, SUM_MASKED, SUM_FRONT,
 }
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::overlap::{touches_cube, box_low, box_high}
 #import bevy_bounce::shared::sampling::triangle_point
 #import bevy_bounce::shared::scene::{Scene, CHUNK_TRIANGLES}
@@ -171,8 +171,8 @@ fn add(cell: u32, part: Part, emission: vec3<f32>, normal: vec3<f32>) {
     atomicAdd(&emission_sums[cell * 3u + 2u], e.z);
 }
 #else
-// How much a surface counts where surfaces of a voxel hide each other: the more, the farther its plane is before the voxel's middle, voxels.
-// One plane counts alike in all its parts, however it is tilted.
+// How much a surface counts where surfaces of a voxel hide each other: the more, the farther its plane is before the
+// voxel's middle, voxels. One plane counts alike in all its parts, however it is tilted.
 fn front_share(plane: f32) -> f32 {
     return exp2(FRONT_OCTAVES * (plane - 0.5 * sqrt(3.0)));
 }

@@ -1,18 +1,19 @@
 // Direct light, bounced light and emission into the picture, and fog over all three.
 
-#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color, view_pixel}
-#import bevy_bounce::compose::marks::share_of_bounced_light
-#import bevy_bounce::compose::mirrored::unpack_mirrored
 #import bevy_pbr::lighting
 #import bevy_pbr::mesh_view_bindings as view_bindings
 #import bevy_pbr::pbr_functions
 #import bevy_pbr::pbr_functions::main_pass_post_lighting_processing
 #import bevy_pbr::pbr_types::{PbrInput, STANDARD_MATERIAL_FLAGS_UNLIT_BIT}
+#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color, view_pixel}
+#import bevy_bounce::compose::marks::share_of_bounced_light
+#import bevy_bounce::compose::mirrored::unpack_mirrored
 
 /// Bevy's `PbrDeferredLightingDepthId`: which deferred pixels are lit as standard materials.
 @group(2) @binding(0) var<uniform> lighting_pass_id: u32;
-/// Layer 0: direct light, alpha as marks.wgsl says; layer 1: irradiance of bounced light over pi; then, each where there is such light: what is mirrored of the
-/// sky, and what of the sky is seen, two layers; bounced light convolved with the surface's lobe, and with its clearcoat's. All light is pre-exposed.
+/// Layer 0: direct light, alpha as marks.wgsl says; layer 1: irradiance of bounced light over pi; then, each where
+/// there is such light: what is mirrored of the sky, and what of the sky is seen, two layers; bounced light convolved
+/// with the surface's lobe, and with its clearcoat's. All light is pre-exposed.
 @group(2) @binding(1) var light_texture: texture_2d_array<f32>;
 
 const SKY_LAYER: i32 = 2;
@@ -39,8 +40,9 @@ fn diffuse_irradiance(surface: PbrInput, pixel: vec2<i32>) -> vec3<f32> {
 }
 
 #ifdef COMPOSE_GLOSSY
-/// What of bounced light the surface reflects: at once, after several bounces in its relief, and what is left for its diffuse
-/// colour. Fdez-Aguera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image-Based Lighting", as Bevy lights by environment maps.
+/// What of bounced light the surface reflects: at once, after several bounces in its relief, and what is left for its
+/// diffuse colour. Fdez-Aguera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image-Based Lighting", as
+/// Bevy lights by environment maps.
 struct Reflected {
     once: vec3<f32>,
     often: vec3<f32>,

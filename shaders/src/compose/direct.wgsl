@@ -8,10 +8,6 @@
 // reflection probes show of their surroundings is with it, and is left as it is. Where ambient light is the sky (`AMBIENT`), what they
 // mirror of that is what Bevy's `ambient_light` has them mirror.
 
-#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color}
-#import bevy_bounce::compose::marks::LIT
-#import bevy_bounce::compose::mirrored::pack_mirrored
-#import bevy_bounce::shared::control::is_within
 #import bevy_pbr::clustered_forward as clustering
 #import bevy_pbr::lighting
 #import bevy_pbr::lighting::{LAYER_BASE, LAYER_CLEARCOAT}
@@ -21,6 +17,10 @@
 #import bevy_pbr::pbr_functions
 #import bevy_pbr::pbr_types::PbrInput
 #import bevy_pbr::shadows
+#import bevy_bounce::compose::gbuffer::{load_pbr_input, diffuse_color}
+#import bevy_bounce::compose::marks::LIT
+#import bevy_bounce::compose::mirrored::pack_mirrored
+#import bevy_bounce::shared::control::is_within
 
 #ifdef ENVIRONMENT_MAP
 #import bevy_pbr::environment_map

@@ -5,8 +5,8 @@
 //
 // Cost: a position a vertex; one load a fragment, whether it is seen or not.
 
-#import bevy_bounce::compose::marks::LIGHTMAPPED
 #import bevy_render::view::View
+#import bevy_bounce::compose::marks::LIGHTMAPPED
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var surface_texture: texture_2d<u32>;

@@ -1,10 +1,10 @@
 // Bevy's depth and deferred G-buffer to the surface texture that the passes of a view read: bits of the reverse-z depth (0:
 // nothing that is to be lit) and the world-space normal, octahedral.
 
-#import bevy_bounce::shared::octahedral::encode_unit
 #import bevy_pbr::pbr_deferred_types::{unpack_24bit_normal, unpack_flags, DEFERRED_FLAGS_UNLIT_BIT}
 #import bevy_pbr::utils::octahedral_decode
 #import bevy_render::view::View
+#import bevy_bounce::shared::octahedral::encode_unit
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var depth_texture: texture_2d<f32>;

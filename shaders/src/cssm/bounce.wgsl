@@ -3,9 +3,9 @@
 // Cost: one thread a texel, in the order of the leaves, so that threads of a workgroup are near each other; see
 // cssm/gather.wgsl.
 
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::cssm::gather::{gather, leaf_texel, Receiver}
 #import bevy_bounce::cssm::texels::{bakes, load_texel, object_of, to_world, turn_to_world}
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::sampling::hash
 
 // Of each texel: irradiance over pi, cd/m^2; nodes of its cuts.

@@ -2,16 +2,17 @@
 // own by the texel's cube map, of others by their maps from outside from places all over the texel: as an object moves, its shadow does so
 // by less than a texel.
 //
-// Cost: one thread a texel; a query of visibility for each light that it faces (four for a rect light), and sixteen for each other object on the way.
+// Cost: one thread a texel; a query of visibility for each light that it faces (four for a rect light), and sixteen for
+// each other object on the way.
 
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::cssm::query::{between_candidates, is_hidden, is_shaded, is_seen_from_outside, sight, STRAIGHT}
 #import bevy_bounce::cssm::texels::{
     bakes, half_side, load_texel, object_of, reflectance, scale_of, to_object, to_world, turn_to_object, turn_to_world, Texel,
 }
 #import bevy_bounce::cssm::types::CssmGather
-#import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
 #import bevy_bounce::shared::control::is_within
+#import bevy_bounce::shared::groups::folded_index
+#import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT}
 

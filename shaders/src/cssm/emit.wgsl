@@ -3,8 +3,8 @@
 //
 // Cost: one thread a texel; a triangle and a word of a thumbnail each.
 
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::cssm::types::CssmSurface
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::scene::NONE
 #import bevy_bounce::shared::triangles::{load_triangle, materials, surface_emission}
 

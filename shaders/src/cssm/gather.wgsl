@@ -1,6 +1,6 @@
-// Light that a point receives from the texels of all baked objects: cuts through their hierarchies, chosen while they are
-// walked through without a stack, and summed. Ritschel, Grosch, Kautz and Seidel 2008, 4.3, figure 10; bounds as in lightcuts (Walter et al.
-// 2005).
+// Light that a point receives from the texels of all baked objects: cuts through their hierarchies, chosen while they
+// are walked through without a stack, and summed. Ritschel, Grosch, Kautz and Seidel 2008, 4.3, figure 10; bounds as in
+// lightcuts (Walter et al. 2005).
 //
 // A node is refined where the light that could come from it, if all of it stood and faced as favourably as its sphere and its
 // cone allow, is more than the threshold; for a glossy receiver, with what it mirrors. A node that is not refined sends its light

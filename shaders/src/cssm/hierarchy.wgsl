@@ -1,13 +1,13 @@
 // The light of the hierarchies' nodes: what each texel sends into its leaf, then level by level what is below each node. The
 // paper's pull (section 4.1).
 //
-// Cost: `leaves` one thread a texel, `pull` one a node of the level; a descent from the root each. `pull_top` one a node over the objects, a
-// read for each object below it.
+// Cost: `leaves` one thread a texel, `pull` one a node of the level; a descent from the root each. `pull_top` one a
+// node over the objects, a read for each object below it.
 
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::cssm::texels::{bakes, load_texel, object_of, reflectance, scale_of}
 #import bevy_bounce::cssm::tree::{leaf_node, level_node, node_count, top_node_count, top_place}
 #import bevy_bounce::cssm::types::CssmLevel
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::scene::NONE
 
 @group(0) @binding(2) var<storage, read> tree: array<vec4<u32>>;

@@ -1,5 +1,6 @@
-// Bounced light at each pixel from what the texels around it have gathered: a smooth picture of the atlases on the surfaces, whose cost does
-// not depend on how much light there is. Ritschel, Grosch, Kautz and Seidel 2008, 5, "view-dependent lightmapping".
+// Bounced light at each pixel from what the texels around it have gathered: a smooth picture of the atlases on the
+// surfaces, whose cost does not depend on how much light there is. Ritschel, Grosch, Kautz and Seidel 2008, 5,
+// "view-dependent lightmapping".
 //
 // The filter is the cubic B-spline, as of bicubic filtering, over the distance along the surface in sides of a texel: so it runs on over
 // seams of the atlas. Texels that face elsewhere or lie off the pixel's plane are left out.
@@ -8,12 +9,12 @@
 //
 // Cost: one thread a pixel; nodes whose spheres come near it some 20 operations each, and some 16 texels 40.
 
-#import bevy_bounce::shared::control::is_within
 #import bevy_render::view::View
 #import bevy_bounce::cssm::gather::{gather, leaf_texel, tree, Receiver}
 #import bevy_bounce::cssm::texels::{bakes, load_texel, to_object, turn_to_object}
 #import bevy_bounce::cssm::tree::{node_count, unpack_node}
 #import bevy_bounce::interleaved::surface::{unpack_surface, Surface}
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::sampling::hash
 #ifdef SEVERAL
 #import bevy_bounce::shared::scene::NONE

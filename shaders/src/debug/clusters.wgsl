@@ -2,8 +2,8 @@
 //
 // Cost: one workgroup a cluster, a word a pixel.
 
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::radiance_cache::types::{CacheGrid, CacheCounters, RadianceCache}
+#import bevy_bounce::shared::groups::folded_index
 
 @group(0) @binding(0) var<uniform> parameters: CacheGrid;
 @group(0) @binding(1) var<storage, read> counters: CacheCounters;

@@ -1,6 +1,6 @@
-// The levels of the light volume as the camera sees them, texel by texel without a filter: bands side by side, the finest level on the left.
-// Light adds up along a ray as along a cone (see `radiance_cache/cone.wgsl`), until what the texels cover is all of it. Black where
-// nothing is.
+// The levels of the light volume as the camera sees them, texel by texel without a filter: bands side by side, the
+// finest level on the left. Light adds up along a ray as along a cone (see `radiance_cache/cone.wgsl`), until what the
+// texels cover is all of it. Black where nothing is.
 //
 // Cost: a ray through the texels of one level a pixel, three loads a texel.
 

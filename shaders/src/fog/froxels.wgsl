@@ -1,29 +1,30 @@
 // What fog scatters to the eye of the light that comes to a froxel: a sum over all virtual lights, with their visibility, and over the
 // directions of the sky. (Wronski 2014, "Volumetric Fog"; froxels are cells of a lattice in the space of a view.)
 //
-// A light stands for a disc of the surface around it, of radius r. From a point at distance d on its axis its solid angle is
-// 2 pi (1 - d / s), where s^2 = d^2 + r^2, and off the axis it is foreshortened; of a point that is nearer to its plane than r it is seen as from
-// there, so that lights on a surface cover it without gaps however near the point is. The phase function of Henyey and Greenstein (1941) has
-// the powers of its asymmetry as coefficients in Legendre's polynomials. Over a cap of half angle a the first of them shrinks by
-// (1 + cos a) / 2: by that the asymmetry is multiplied, for the cap that reaches to the middle of the next discs, or between lights there would be
-// less light than at them. Two such functions, one after the other, are one with the product of their asymmetries: a direction of the sky
-// stands for a lobe as wide as directions are apart.
+// A light stands for a disc of the surface around it, of radius r. From a point at distance d on its axis its solid
+// angle is 2 pi (1 - d / s), where s^2 = d^2 + r^2, and off the axis it is foreshortened; of a point that is nearer to
+// its plane than r it is seen as from there, so that lights on a surface cover it without gaps however near the point
+// is. The phase function of Henyey and Greenstein (1941) has the powers of its asymmetry as coefficients in Legendre's
+// polynomials. Over a cap of half angle a the first of them shrinks by (1 + cos a) / 2: by that the asymmetry is
+// multiplied, for the cap that reaches to the middle of the next discs, or between lights there would be less light
+// than at them. Two such functions, one after the other, are one with the product of their asymmetries: a direction of
+// the sky stands for a lobe as wide as directions are apart.
 //
 // A froxel behind what its middle shows is seen beside that, if at all: it takes the light where a pixel around sees as far, or, where none
 // does, before what is seen farthest.
 //
-// Cost: a thread a froxel, about 50 operations a light that faces it; besides a ray, or the lookup of a depth; a ray for each direction of the sky.
-// Before that, up to 17 rays through pixels, each a load and about 100 operations.
+// Cost: a thread a froxel, about 50 operations a light that faces it; besides a ray, or the lookup of a depth; a ray
+// for each direction of the sky. Before that, up to 17 rays through pixels, each a load and about 100 operations.
 
+#import bevy_render::view::View
 #import bevy_bounce::fog::rays::{EyeRay, eye_ray, uv_to_ndc, position_in_view}
 #import bevy_bounce::fog::types::{FroxelParameters, froxel_distance}
 #import bevy_bounce::interleaved::gather::{header, vpls, is_visible}
 #import bevy_bounce::interleaved::surface::Surface
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::control::is_within
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::vpl::bound::geometry_bound
-#import bevy_render::view::View
 #ifdef SKY
 #import bevy_bounce::interleaved::sky::{scene, lights, FAR}
 #import bevy_bounce::shared::rays::{is_blocked, to_grid, Ray}

@@ -6,10 +6,10 @@
 //
 // Cost: a thread a pixel; for each step in the volume a lookup for the light and one for the density, about 40 operations.
 
-#import bevy_bounce::fog::rays::{eye_ray, uv_to_ndc, position_in_view}
-#import bevy_bounce::fog::types::{FogParameters, FroxelParameters, froxel_slice}
 #import bevy_pbr::utils::interleaved_gradient_noise
 #import bevy_render::view::View
+#import bevy_bounce::fog::rays::{eye_ray, uv_to_ndc, position_in_view}
+#import bevy_bounce::fog::types::{FogParameters, FroxelParameters, froxel_slice}
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> fog: FogParameters;

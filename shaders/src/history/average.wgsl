@@ -7,12 +7,13 @@
 // is even, 4.1 percent where it is not. After a budget has changed how many lights there are, the light is the same but for where these
 // lie: then the range is `LENIENT` times as wide at first and within it hardly any weight is lost, so that the new lights are faded in.
 //
-// Cost: what `recall.wgsl` costs; where history of eight frames is more than about 2 percent off, nine texels of light and of surfaces besides.
+// Cost: what `recall.wgsl` costs; where history of eight frames is more than about 2 percent off, nine texels of light
+// and of surfaces besides.
 
+#import bevy_bounce::history::recall::{view, parameters, surface_texture, recall, is_finite}
 #import bevy_bounce::interleaved::surface::{
     Surface, lens_of, surface_of, unpack_surface, is_same_surface,
 }
-#import bevy_bounce::history::recall::{view, parameters, surface_texture, recall, is_finite}
 
 @group(0) @binding(6) var light_texture: texture_2d<f32>;
 /// Light, and over how many frames it is averaged: 0 where it is not to be recalled.

@@ -1,8 +1,9 @@
 // What the last frames knew of the light where a pixel's surface was then.
 //
-// A surface that stands still is looked up by its position in the world, which holds for every projection, with jitter and without, and across
-// cuts. What moves by itself is found by the part of its motion vector that is not the camera's. Each of the four pixels around that place counts
-// only if it showed the same surface: in its plane, where the surface stands still; near by, where it moves.
+// A surface that stands still is looked up by its position in the world, which holds for every projection, with jitter
+// and without, and across cuts. What moves by itself is found by the part of its motion vector that is not the
+// camera's. Each of the four pixels around that place counts only if it showed the same surface: in its plane, where
+// the surface stands still; near by, where it moves.
 //
 // Cost: a motion vector, four words, and up to four texels of light.
 

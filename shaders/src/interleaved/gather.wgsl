@@ -5,10 +5,10 @@
 
 #define_import_path bevy_bounce::interleaved::gather
 
+#import bevy_bounce::interleaved::surface::Surface
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::vpl::bound::geometry_bound
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS}
-#import bevy_bounce::interleaved::surface::Surface
 #ifdef VISIBILITY_VOXEL
 #import bevy_bounce::shared::rays::{grid, is_blocked, to_grid, Ray}
 #endif

@@ -7,8 +7,8 @@
 //
 // Cost: one workgroup 1024 pixels, three times a word each; one workgroup over the blocks.
 
-#import bevy_bounce::shared::groups::{folded_index, exclusive_scan, scan_total}
 #import bevy_bounce::radiance_cache::types::{CacheGrid, CacheCounters, CLUSTER_SLICE_BITS, CLUSTER_FACING_BITS}
+#import bevy_bounce::shared::groups::{folded_index, exclusive_scan, scan_total}
 
 @group(0) @binding(0) var<uniform> parameters: CacheGrid;
 // Key, pixel; sorted.

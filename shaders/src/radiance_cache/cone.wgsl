@@ -7,12 +7,13 @@
 // The six facings of a texel are apart: a cone sees what faces it, so that a surface does not shade itself and light on one
 // side of a wall is not seen on the other.
 //
-// Coverage is projected area: what a cone meets on a step is its sum over the axes, each times how much of a texel the step
-// goes along the axis. Near its start, what looks the other way is taken off: a surface aslant faces the cone that leaves it along one axis
-// and away from it along another, and only the difference is met, so that what is convex does not shade itself. Where an axis has
-// both, they are the two sides of a wall, and nothing is taken off. Over a whole surface that adds up to what of the cone the surface
-// fills, whatever the angle, the level and the step. Where a layer is half open, the next one behind closes the other half; the paper multiplies, by which
-// edges grow and closed walls leak.
+// Coverage is projected area: what a cone meets on a step is its sum over the axes, each times how much of a texel the
+// step goes along the axis. Near its start, what looks the other way is taken off: a surface aslant faces the cone that
+// leaves it along one axis and away from it along another, and only the difference is met, so that what is convex does
+// not shade itself. Where an axis has both, they are the two sides of a wall, and nothing is taken off. Over a whole
+// surface that adds up to what of the cone the surface fills, whatever the angle, the level and the step. Where a layer
+// is half open, the next one behind closes the other half; the paper multiplies, by which edges grow and closed walls
+// leak.
 //
 // A filtered surface reaches a texel to both sides. A cone therefore starts a little before its place, so that it meets the whole
 // of what is near; and what looks down on the surface that it leaves counts only from one and a half texels above
@@ -24,8 +25,8 @@
 
 #define_import_path bevy_bounce::radiance_cache::cone
 
-#import bevy_bounce::shared::grid::Grid
 #import bevy_bounce::radiance_cache::types::LightVolume
+#import bevy_bounce::shared::grid::Grid
 
 @group(1) @binding(0) var<uniform> grid: Grid;
 @group(1) @binding(1) var<uniform> volume: LightVolume;
@@ -34,8 +35,8 @@
 @group(1) @binding(4) var light_z: texture_3d<f32>;
 @group(1) @binding(5) var light_sampler: sampler;
 
-/// Texels of the coarser level over a surface to which its own other side reaches: half a texel from the surface to the middle of its texel, and one
-/// from there.
+/// Texels of the coarser level over a surface to which its own other side reaches: half a texel from the surface to the
+/// middle of its texel, and one from there.
 const OWN_REACH: f32 = 1.5;
 
 /// Voxels along a cone within which the other side of a surface aslant may be met.

@@ -7,11 +7,11 @@
 //
 // Cost: a cone and 256 weights a thread; 4 KiB of the atlas and 8 KiB of workgroup memory a cache.
 
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::radiance_cache::cone::{grid, Start}
-#import bevy_bounce::radiance_cache::march::march_cone
 #import bevy_bounce::radiance_cache::hemisphere::{square_to_hemisphere, from_cache}
 #import bevy_bounce::radiance_cache::lobes::lobe_weight
+#import bevy_bounce::radiance_cache::march::march_cone
+#import bevy_bounce::shared::groups::folded_index
 #ifdef SKY
 #import bevy_bounce::shared::sky::sky_texel
 #endif

@@ -6,9 +6,9 @@
 //
 // Cost: a workgroup a tile; one word a pixel, nine bins a thread, three reductions.
 
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::radiance_cache::normals::{normal_bin, wrapped_bin, apart, BINS, EDGE}
 #import bevy_bounce::radiance_cache::types::CacheGrid
+#import bevy_bounce::shared::groups::folded_index
 
 @group(0) @binding(0) var<uniform> parameters: CacheGrid;
 @group(0) @binding(1) var surface_texture: texture_2d<u32>;

@@ -4,8 +4,8 @@
 // Around a cube there is nothing: what its outermost texels cover fades within a texel beyond their middles, as it would in a larger
 // grid. A cone that is wider than the cube meets a texel of its own width, of which the cube fills a part.
 //
-// Cost: some ten operations a cone for each group; a product with a matrix a step for each that is near; where the cone is in it, four more and up
-// to twelve filtered loads a step.
+// Cost: some ten operations a cone for each group; a product with a matrix a step for each that is near; where the cone
+// is in it, four more and up to twelve filtered loads a step.
 
 #define_import_path bevy_bounce::radiance_cache::group_cones
 

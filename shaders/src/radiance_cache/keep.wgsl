@@ -8,9 +8,9 @@
 // Cost: one thread a cache.
 
 #import bevy_render::view::View
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::interleaved::surface::{Surface, unpack_surface, is_same_surface}
 #import bevy_bounce::radiance_cache::types::{CacheGrid, RadianceCache, screen_place}
+#import bevy_bounce::shared::groups::folded_index
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> parameters: CacheGrid;

@@ -6,9 +6,9 @@
 //
 // Cost: one thread a pixel, two words.
 
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::radiance_cache::normals::facing_in
 #import bevy_bounce::radiance_cache::types::{CacheGrid, CLUSTER_SLICE_BITS, CLUSTER_FACING_BITS}
+#import bevy_bounce::shared::groups::folded_index
 
 @group(0) @binding(0) var<uniform> parameters: CacheGrid;
 @group(0) @binding(1) var surface_texture: texture_2d<u32>;

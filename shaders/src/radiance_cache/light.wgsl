@@ -1,8 +1,9 @@
-// Light that falls on each cell of the grid: of Bevy's lights by a shadow ray to each, of a sixteenth of the sky's directions,
-// and of a sixteenth of the virtual lights, which stand for emissive surfaces and for all further bounces. Rehfeld, Zirr and Dachsbacher 2014, 3.1, "Voxel
-// Illumination"; shadow rays meet the planes of the grid's cells, where the paper's cones meet the opacity of voxels. They go the way light
-// does: a one-sided surface lets pass what comes from behind, as in Bevy's shadow maps. Of the sky Bevy has no such maps: its rays go from the
-// cell outwards, and what faces the cell hides it.
+// Light that falls on each cell of the grid: of Bevy's lights by a shadow ray to each, of a sixteenth of the sky's
+// directions, and of a sixteenth of the virtual lights, which stand for emissive surfaces and for all further bounces.
+// Rehfeld, Zirr and Dachsbacher 2014, 3.1, "Voxel Illumination"; shadow rays meet the planes of the grid's cells, where
+// the paper's cones meet the opacity of voxels. They go the way light does: a one-sided surface lets pass what comes
+// from behind, as in Bevy's shadow maps. Of the sky Bevy has no such maps: its rays go from the cell outwards, and what
+// faces the cell hides it.
 //
 // Which sixteenth follows from the voxel's place, such that any 4x4 voxels of a plane have all sixteen: `volume.wgsl` takes
 // their mean.
@@ -12,16 +13,16 @@
 // Cost: one thread a cell; a ray through the grid for each light that it faces (four for a rect light), and for a sixteenth of the
 // sky's directions and of the virtual lights.
 
-#import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::grid::{Cell, grid_level, cell_plane, cell_area}
+#import bevy_bounce::radiance_cache::types::LightVolume
 #import bevy_bounce::shared::control::is_within
+#import bevy_bounce::shared::grid::{Cell, grid_level, cell_plane, cell_area}
+#import bevy_bounce::shared::groups::folded_index
+#import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, cells, voxel_groups, is_blocked, to_grid, to_world, Ray}
 #import bevy_bounce::shared::sampling::PI
-#import bevy_bounce::shared::lights::{range_window, spot_window, rect_part, rect_part_form_factor, RECT_PARTS}
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT}
 #import bevy_bounce::shared::voxel_groups::{from_group, normal_from_group, GROUP_CELLS}
-#import bevy_bounce::radiance_cache::types::LightVolume
 #import bevy_bounce::vpl::bound::geometry_bound
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS}
 

@@ -13,9 +13,9 @@
 // Cost: a workgroup a cluster; each pixel is read three times.
 
 #import bevy_render::view::View
-#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::interleaved::surface::{Surface, unpack_surface}
 #import bevy_bounce::radiance_cache::types::{CacheGrid, CacheCounters, RadianceCache, screen_place}
+#import bevy_bounce::shared::groups::folded_index
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> parameters: CacheGrid;

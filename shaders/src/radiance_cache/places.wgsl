@@ -5,12 +5,12 @@
 //
 // Cost: one word a voxel, one a cell.
 
-#import bevy_bounce::shared::groups::folded_index
+#import bevy_bounce::radiance_cache::types::LightVolume
 #import bevy_bounce::shared::grid::{Grid, voxel_facings, CELL_MASK}
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::{Light, Scene, CHUNK_TRIANGLES}
 #import bevy_bounce::shared::voxel_groups::{VoxelGroups, GROUP_VOXELS, GROUP_CELLS}
-#import bevy_bounce::radiance_cache::types::LightVolume
 #import bevy_bounce::vpl::types::Emitter
 
 @group(0) @binding(0) var<uniform> grid: Grid;

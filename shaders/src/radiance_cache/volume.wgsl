@@ -5,20 +5,20 @@
 // a column of voxels, is one, however it lies. A slanted cell covers faces of two or three axes. Further bounces are the mean over the 4x4
 // cells of the same facing around, which have all sixteen subsets of the virtual lights.
 //
-// Groups with a grid of their own have a cube of texels each (`GROUPS`), one behind the other along z, in the directions of their grids; there is no
-// gap between the halves.
+// Groups with a grid of their own have a cube of texels each (`GROUPS`), one behind the other along z, in the
+// directions of their grids; there is no gap between the halves.
 //
 // Cost: one thread a voxel; for each of its cells sixteen voxels and a cell's words of those that are filled.
 
+#import bevy_bounce::radiance_cache::types::LightVolume
+#import bevy_bounce::shared::control::holds
 #import bevy_bounce::shared::grid::{
     Grid, GridLevel, Cell, grid_level, voxel_index, voxel_facings, cell_index, cell_area, AREA_ONE,
 }
-#import bevy_bounce::shared::control::holds
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::Scene
 #import bevy_bounce::shared::voxel_groups::{VoxelGroups, group_level, GROUP_CELLS, GROUP_EDGE}
-#import bevy_bounce::radiance_cache::types::LightVolume
 
 @group(0) @binding(0) var<uniform> volume: LightVolume;
 @group(0) @binding(1) var<uniform> grid: Grid;

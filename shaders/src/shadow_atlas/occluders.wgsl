@@ -9,12 +9,12 @@
 #ifdef BAKED
 #import bevy_bounce::shared::scene::NONE
 #endif
-#import bevy_bounce::shared::sampling::hash
-#import bevy_bounce::shared::triangles::{Triangle, load_corners, surface_cover, is_masked}
 #import bevy_bounce::shadow_atlas::masks::{Cover, part_at, pack_cover, PARTS, PART_COUNT}
 #import bevy_bounce::shadow_atlas::types::{
     Occluder, OccluderChunk, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT, OCCLUDER_MOST_SHIFT, OCCLUDER_NAME_SHIFT,
 }
+#import bevy_bounce::shared::sampling::hash
+#import bevy_bounce::shared::triangles::{Triangle, load_corners, surface_cover, is_masked}
 
 @group(0) @binding(4) var<storage, read> occluder_chunks: array<OccluderChunk>;
 @group(0) @binding(5) var<storage, read_write> occluders: array<Occluder>;

@@ -1,24 +1,25 @@
-// Points spread over the surfaces, as they stand in the world this frame: each keeps its triangle and its place in it, but for
-// a part of its disc's radius, so that discs hardly reach beyond the triangle's edges, and yet into its corners. Where a triangle has no room
-// for that, its disc stands for the narrow ones around it, too, and is no larger than its share of their area. Of masked surfaces as many
-// are there as the share of the surface around them; discs cover more than that, for they overlap.
+// Points spread over the surfaces, as they stand in the world this frame: each keeps its triangle and its place in it,
+// but for a part of its disc's radius, so that discs hardly reach beyond the triangle's edges, and yet into its
+// corners. Where a triangle has no room for that, its disc stands for the narrow ones around it, too, and is no larger
+// than its share of their area. Of masked surfaces as many are there as the share of the surface around them; discs
+// cover more than that, for they overlap.
 //
 // Cost: a thread a point, about 130 operations.
 
-#import bevy_bounce::shared::octahedral::encode_unit
-#import bevy_bounce::shared::sampling::{hash, unit_float}
-#import bevy_bounce::shared::triangles::{Triangle, load_corners, surface_cover}
 #import bevy_bounce::shadow_atlas::tile::AtlasParameters
 #import bevy_bounce::shadow_atlas::types::{
     SurfacePoint, WorldPoint, POINT_NONE, POINT_TWO_SIDED, POINT_WIDE, disc_radius,
 }
+#import bevy_bounce::shared::octahedral::encode_unit
+#import bevy_bounce::shared::sampling::{hash, unit_float}
+#import bevy_bounce::shared::triangles::{Triangle, load_corners, surface_cover}
 
 @group(0) @binding(4) var<storage, read> surface_points: array<SurfacePoint>;
 @group(0) @binding(5) var<storage, read_write> world_points: array<WorldPoint>;
 @group(0) @binding(6) var<uniform> parameters: AtlasParameters;
 
-/// Of a disc's radius, how far its middle stays away from edges at least: as far as the disc still reaches corners of 45 degrees, such as half
-/// a square has; the sine of half of that.
+/// Of a disc's radius, how far its middle stays away from edges at least: as far as the disc still reaches corners of
+/// 45 degrees, such as half a square has; the sine of half of that.
 const INSET: f32 = 0.383;
 
 // The circle within a triangle.

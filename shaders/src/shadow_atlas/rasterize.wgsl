@@ -5,25 +5,25 @@
 // as on any projection, with nothing to clip. A thread projects a triangle and fills it if it is small; large ones are
 // filled by all threads together, block by block of texels, of which each thread has its own whatever the triangle.
 //
-// With `BAKED` a light that is on a baked object knows from its bake what it sees of that: its tile is there, and the object's triangles are
-// left out.
+// With `BAKED` a light that is on a baked object knows from its bake what it sees of that: its tile is there, and the
+// object's triangles are left out.
 //
 // Masked triangles leave texels out where they have holes: see `masks.wgsl`.
 //
-// Cost: a light and triangle about 200 operations, a texel in the triangle's box about 20; within a triangle a comparison, and where that is
-// masked some 60 operations.
+// Cost: a light and triangle about 200 operations, a texel in the triangle's box about 20; within a triangle a
+// comparison, and where that is masked some 60 operations.
 
-#import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::grid::Grid
+#import bevy_bounce::shadow_atlas::masks::{Cover, part_at, is_there}
 #import bevy_bounce::shadow_atlas::tile::{
     AtlasParameters, TILE_EMPTY, OWN_PLANE, SAME_FACING, ERROR_STEPS, tile_frame, to_tile, from_tile, tile_words, depth_bits,
     surface_bits, error_of,
 }
-#import bevy_bounce::shadow_atlas::masks::{Cover, part_at, is_there}
 #import bevy_bounce::shadow_atlas::types::{
     Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT, OCCLUDER_MOST_SHIFT, OCCLUDER_NAME_SHIFT,
 }
 #import bevy_bounce::shared::control::is_within
+#import bevy_bounce::shared::grid::Grid
+#import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::sampling::hash
 #import bevy_bounce::shared::scene::NONE
 #import bevy_bounce::vpl::types::{Vpl, VplHeader, MET}

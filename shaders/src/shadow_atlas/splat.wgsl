@@ -7,9 +7,6 @@
 //
 // Cost: a light and point about 60 operations, a texel in the box of a disc about 30.
 
-#import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::grid::Grid
-#import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shadow_atlas::tile::{
     AtlasParameters, TILE_EMPTY, OWN_PLANE, SAME_FACING, tile_frame, to_tile, texel_direction, tile_words, pack_texel, texel_depth,
     texel_normal,
@@ -17,6 +14,9 @@
 #import bevy_bounce::shadow_atlas::types::{
     WorldPoint, POINT_NONE, POINT_SUBSETS, POINT_TWO_SIDED, POINT_WIDE, disc_radius,
 }
+#import bevy_bounce::shared::grid::Grid
+#import bevy_bounce::shared::groups::folded_index
+#import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::vpl::types::{Vpl, VplHeader}
 
 @group(0) @binding(0) var<uniform> parameters: AtlasParameters;

@@ -3,9 +3,10 @@
 // A large world has several, each within the next, coarser one; all are in the same buffers, the finest first. Positions "in
 // voxels" are in voxels of the finest, from its origin, where nothing else is said.
 //
-// A voxel is one word: first cell (22 bits), which of the six facings have a cell (6 bits), and the Chebyshev distance, in
-// blocks of 2^3 voxels, of its block to the nearest that has any (4 bits, at most 15, 0 where it has one itself). Cells of a voxel follow each other in
-// the order of their facings, so a facing's cell is the first cell plus the number of lower facings.
+// A voxel is one word: first cell (22 bits), which of the six facings have a cell (6 bits), and the Chebyshev distance,
+// in blocks of 2^3 voxels, of its block to the nearest that has any (4 bits, at most 15, 0 where it has one itself).
+// Cells of a voxel follow each other in the order of their facings, so a facing's cell is the first cell plus the
+// number of lower facings.
 
 #define_import_path bevy_bounce::shared::grid
 

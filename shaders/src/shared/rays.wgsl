@@ -18,11 +18,11 @@
 
 #define_import_path bevy_bounce::shared::rays
 
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::grid::{
     Grid, GridLevel, Cell, grid_level, to_level, voxel_index, voxel_facings, voxel_distance, cell_plane, cell_area, cell_cover,
     bounds_low, bounds_high, CELL_MASK, LEAP_BLOCK,
 }
-#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::sampling::{hash, unit_float}
 #import bevy_bounce::shared::voxel_groups::{

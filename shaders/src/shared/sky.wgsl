@@ -7,8 +7,8 @@
 /// Edge of the table, texels.
 const SKY_EDGE: u32 = 32u;
 const SKY_TEXELS: u32 = SKY_EDGE * SKY_EDGE;
-/// Share of its ambient light that Bevy's `ambient_light` has a white diffuse surface send: `F_AB` of bevy_pbr/src/render/pbr_lighting.wgsl at a
-/// roughness of 1.
+/// Share of its ambient light that Bevy's `ambient_light` has a white diffuse surface send: `F_AB` of
+/// bevy_pbr/src/render/pbr_lighting.wgsl at a roughness of 1.
 const AMBIENT_SHARE: f32 = (1.04 - 0.572) - 1.04 * (0.0425 - 0.0275);
 
 struct Sky {

@@ -14,8 +14,8 @@
 #define_import_path bevy_bounce::ssbc::hierarchy
 
 #import bevy_pbr::rgb9e5::{vec3_to_rgb9e5_, rgb9e5_to_vec3_}
-#import bevy_bounce::shared::octahedral::{encode_unit, decode_unit}
 #import bevy_bounce::interleaved::surface::Lens
+#import bevy_bounce::shared::octahedral::{encode_unit, decode_unit}
 #import bevy_bounce::ssbc::common::texel_at
 
 /// Levels above the pixels.

@@ -3,12 +3,12 @@
 //
 // Cost: one thread a pixel, five loads; one more from the second iteration on.
 
+#import bevy_pbr::pbr_deferred_types::unpack_unorm4x8_
+#import bevy_pbr::rgb9e5::rgb9e5_to_vec3_
 #import bevy_bounce::compose::marks::share_of_bounced_light
 #import bevy_bounce::interleaved::surface::{Surface, toward_eye}
 #import bevy_bounce::ssbc::common::{view, surface_texture, surface_at, view_lens, grazing_decay}
 #import bevy_bounce::ssbc::hierarchy::encode_pixel
-#import bevy_pbr::pbr_deferred_types::unpack_unorm4x8_
-#import bevy_pbr::rgb9e5::rgb9e5_to_vec3_
 
 #ifdef COMPENSATED
 @group(0) @binding(3) var residual: texture_2d<f32>;

@@ -182,8 +182,8 @@ pub struct Region {
 
 /// Edge of the sky's table, in texels of an octahedral map.
 pub const SKY_EDGE: u32 = 32;
-/// Share of its ambient light that Bevy's `ambient_light` has a white diffuse surface send: `F_AB` of bevy_pbr/src/render/pbr_lighting.wgsl at a
-/// roughness of 1.
+/// Share of its ambient light that Bevy's `ambient_light` has a white diffuse surface send: `F_AB` of
+/// bevy_pbr/src/render/pbr_lighting.wgsl at a roughness of 1.
 pub const AMBIENT_SHARE: f32 = (1.04 - 0.572) - 1.04 * (0.0425 - 0.0275);
 
 /// The cube map that is the sky, and what it is made into.

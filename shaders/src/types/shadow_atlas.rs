@@ -11,8 +11,8 @@ pub const OCCLUDER_TWO_SIDED: u32 = 1;
 pub struct Occluder {
     /// First corner, world space; counter-clockwise as seen from the side that casts.
     pub a: Vec3,
-    /// [`OCCLUDER_TWO_SIDED`]; above it, 2 bits of [`OccluderChunk::error`]; 8 bits of the largest share of any part of it that is there, in 255ths,
-    /// 0 where all of it is; 21 bits that are the triangle's own.
+    /// [`OCCLUDER_TWO_SIDED`]; above it, 2 bits of [`OccluderChunk::error`]; 8 bits of the largest share of any part of
+    /// it that is there, in 255ths, 0 where all of it is; 21 bits that are the triangle's own.
     pub flags: u32,
     /// Second corner.
     pub b: Vec3,

@@ -48,7 +48,8 @@ pub struct Path {
     pub length: u32,
     /// Bounce of the first one: 0 on an emissive surface, else 1.
     pub first_bounce: u32,
-    /// While it is traced, the bounces that are left to it, [`UNSETTLED`], and whether a triangle was met; then, vertices of the paths before it.
+    /// While it is traced, the bounces that are left to it, [`UNSETTLED`], and whether a triangle was met; then,
+    /// vertices of the paths before it.
     pub first: u32,
     /// Not of this path: as the i-th, the i-th of those that go on; all ones where there are no more.
     pub alive: u32,

@@ -11,8 +11,8 @@
 //
 // Cost: a thread a vertex, two binary searches through the order; then one workgroup, one load a vertex.
 
-#import bevy_bounce::shared::groups::{exclusive_scan, folded_index, scan_total, stretch_of}
 #import bevy_bounce::shared::grid::{Grid, COUNTER_AREA, COUNTER_AREA_STEPS}
+#import bevy_bounce::shared::groups::{exclusive_scan, folded_index, scan_total, stretch_of}
 #import bevy_bounce::shared::hilbert::HILBERT_BITS
 #import bevy_bounce::vpl::types::{VplParameters, VplHeader, SUBSETS, NODE_STEPS, first_key_of_grid}
 

@@ -4,10 +4,10 @@
 // Cost: one thread a triangle of the emissive meshes, then one workgroup over all of them.
 
 #import bevy_bounce::shared::groups::folded_index
+#import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::shared::scene::{Chunk, Scene, importance, CHUNK_TRIANGLES}
 #import bevy_bounce::shared::triangles::{Triangle, load_triangle, surface_emission, surface_cover}
 #import bevy_bounce::vpl::types::{Emitter, VplParameters, luminance}
-#import bevy_bounce::shared::sampling::PI
 
 @group(0) @binding(4) var<storage, read> emissive_chunks: array<Chunk>;
 @group(0) @binding(5) var<storage, read_write> emitters: array<Emitter>;

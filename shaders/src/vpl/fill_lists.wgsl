@@ -10,9 +10,9 @@
 #import bevy_bounce::avg::queue::{QueueEntry, enqueue, queue_entry}
 #import bevy_bounce::shared::chunks::triangle_of
 #import bevy_bounce::shared::columns::{turn_voxel, turn_back, column_axis}
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::grid::{Grid, GridLevel, grid_level, level_of_brick, to_level, brick_index, brick_place, BRICK}
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::overlap::{touches_cube, box_low, box_high}
 #import bevy_bounce::shared::scene::{Scene, CHUNK_TRIANGLES}
 #import bevy_bounce::shared::triangles::Triangle

@@ -3,15 +3,15 @@
 //
 // Cost: one thread a voxel of a group; for each of its cells four words and an addition a grid.
 
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::grid::{
     GridLevel, grid_level, level_at, brick_at, voxel_index, voxel_facings, cell_plane, cell_area, CELL_MASK, COUNTER_AREA,
     COUNTER_AREA_STEPS,
 }
 #import bevy_bounce::shared::groups::folded_index
-#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::octahedral::decode_unit
-#import bevy_bounce::shared::sampling::{hash, unit_float}
 #import bevy_bounce::shared::rays::{grid, voxels, cells, voxel_groups}
+#import bevy_bounce::shared::sampling::{hash, unit_float}
 #import bevy_bounce::shared::voxel_groups::{VoxelGroup, from_group, face_from_group, GROUP_VOXELS}
 #import bevy_bounce::vpl::types::{BRICK_WORDS, BRICK_AREA, BRICK_AREA_STEPS}
 

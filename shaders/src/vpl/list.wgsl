@@ -11,8 +11,8 @@
 //
 // Cost: a thread a light; two loads a vertex, and an atomic addition for each grid that holds it.
 
-#import bevy_bounce::shared::grid::{Grid, grid_level, level_at, brick_at}
 #import bevy_bounce::shared::control::is_within
+#import bevy_bounce::shared::grid::{Grid, grid_level, level_at, brick_at}
 #import bevy_bounce::shared::sampling::waiting_time
 #import bevy_bounce::vpl::types::{
     Vpl, VplHeader, VplParameters, SUBSETS, BRICK_WORDS, BRICK_LIGHTS, LIGHT_SHIFT, MET, vertex_slot, luminance,

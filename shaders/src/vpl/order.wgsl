@@ -3,8 +3,8 @@
 //
 // Cost: a vertex is read once; one workgroup adds up the lengths of the paths.
 
-#import bevy_bounce::shared::groups::{exclusive_scan, stretch_of}
 #import bevy_bounce::shared::grid::{Grid, grid_level, level_at, facing_of}
+#import bevy_bounce::shared::groups::{exclusive_scan, stretch_of}
 #import bevy_bounce::shared::hilbert::{hilbert_index, HILBERT_BITS}
 #import bevy_bounce::vpl::types::{Vpl, Path, VplParameters, first_key_of_grid, vertex_slot}
 

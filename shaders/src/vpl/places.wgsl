@@ -1,10 +1,10 @@
-// From where paths met the grid, or a triangle (`settle.wgsl`), to vertices: paths are reflected there, by the albedo of the cell that looks
-// their way, or end.
+// From where paths met the grid, or a triangle (`settle.wgsl`), to vertices: paths are reflected there, by the albedo
+// of the cell that looks their way, or end.
 //
 // Cost: one thread a path that goes on; the cells of a voxel in each grid and group that it is in.
 
-#import bevy_bounce::shared::grid::{GridLevel, level_of, to_level, voxel_index, voxel_facings, cell_area, CELL_MASK}
 #import bevy_bounce::shared::control::is_within
+#import bevy_bounce::shared::grid::{GridLevel, level_of, to_level, voxel_index, voxel_facings, cell_area, CELL_MASK}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::rays::{grid, voxels, cells, voxel_groups}
 #import bevy_bounce::shared::sampling::sample_square

@@ -8,9 +8,9 @@
 // Where the scene has regions (see `Scene`), paths of directional lights start in each: as many as its weight and the area that is
 // lit there say, so that most are near the cameras.
 //
-// A dispatch of `trace_paths` is a bounce: between two of them vertices are set on the triangles that paths met (`settle.wgsl`), near where they met
-// the grid and near where they started, and light goes on from there. Between the planes of voxels it would come into closed things, and
-// light them from within instead of what is near it.
+// A dispatch of `trace_paths` is a bounce: between two of them vertices are set on the triangles that paths met
+// (`settle.wgsl`), near where they met the grid and near where they started, and light goes on from there. Between the
+// planes of voxels it would come into closed things, and light them from within instead of what is near it.
 //
 // Cost: one thread a path, after the first bounce one that goes on; a ray through the grid a bounce, and 24 loads for a path from a
 // directional light.

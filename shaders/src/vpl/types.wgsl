@@ -2,9 +2,9 @@
 
 #define_import_path bevy_bounce::vpl::types
 
+#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::grid::{Grid, GridLevel, grid_level, to_level}
 #import bevy_bounce::shared::hilbert::HILBERT_BITS
-#import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::octahedral::{encode_unit_8, decode_unit_8}
 
 struct Vpl {

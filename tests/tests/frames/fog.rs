@@ -101,8 +101,8 @@ fn added(lit: &Picture, dark: &Picture) -> Picture {
     Picture::from_fn(lit.width, lit.height, |x, y| std::array::from_fn(|c| lit.at(x, y)[c] - dark.at(x, y)[c]))
 }
 
-/// The halves of a target are what two cameras see by themselves. Of fog that a camera is outside of, Bevy draws the box as if it had the whole
-/// target; what bounced light adds is at its place there, too.
+/// The halves of a target are what two cameras see by themselves. Of fog that a camera is outside of, Bevy draws the
+/// box as if it had the whole target; what bounced light adds is at its place there, too.
 #[test]
 fn a_split_screen_has_fog_in_both_halves() {
     let mut stage = foggy_box();
@@ -147,7 +147,8 @@ fn fog_without_a_size_is_none() {
     }
 }
 
-/// Temporal anti-aliasing takes the picture with its fog, in each frame: beside the same camera without bounced light in its fog, none is lost.
+/// Temporal anti-aliasing takes the picture with its fog, in each frame: beside the same camera without bounced light
+/// in its fog, none is lost.
 #[test]
 fn fog_is_lit_in_each_frame_beside_temporal_antialiasing() {
     // As games have it: systems that have no order run at once.

@@ -226,8 +226,9 @@ fn soak(seed: u64, frames: usize) -> Outcome {
     outcome
 }
 
-/// Neither panics nor validation errors nor values that are not finite; and the same seed is the same to the last bit. Runs that are asked to be
-/// longer are so but for what Bevy itself does not repeat: in 150 frames without bounced light, too, single pixels differ by up to 0.6 percent.
+/// Neither panics nor validation errors nor values that are not finite; and the same seed is the same to the last bit.
+/// Runs that are asked to be longer are so but for what Bevy itself does not repeat: in 150 frames without bounced
+/// light, too, single pixels differ by up to 0.6 percent.
 #[test]
 fn anything_may_happen() {
     const FRAMES: u64 = 20;

@@ -332,8 +332,8 @@ fn fog_under_an_even_sky_is_as_bright_as_that() {
 /// Paths a point.
 const PATHS: u32 = 16384;
 
-/// What fog scatters at points in a room is what comes there on traced paths, whatever way it scatters; but for what comes from dim and near
-/// surfaces, where few lights lie.
+/// What fog scatters at points in a room is what comes there on traced paths, whatever way it scatters; but for what
+/// comes from dim and near surfaces, where few lights lie.
 #[test]
 #[ignore = "takes minutes on a software adapter"]
 fn fog_at_a_point_scatters_the_light_of_that_point() {

@@ -131,8 +131,8 @@ fn assert_lit_alike(modes: &[AlphaMode]) {
     }
 }
 
-/// Turned to a camera, aslant, they get what Bevy's shaders make of six directions: most are within the bound in a closed room, fewer where they
-/// look into the dark outside, which light changes fast to.
+/// Turned to a camera, aslant, they get what Bevy's shaders make of six directions: most are within the bound in a
+/// closed room, fewer where they look into the dark outside, which light changes fast to.
 #[test]
 #[ignore = "takes minutes on a software adapter"]
 fn particles_aslant_are_lit_as_far_as_six_directions_tell() {

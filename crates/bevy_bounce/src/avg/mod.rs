@@ -22,12 +22,13 @@
 //! other, so that foliage of which much lies in one voxel stops more than it does in truth. What shares a cell with an opaque surface
 //! stops all.
 //!
-//! A scene wider than twice `GiSettings::range` has up to four such grids, one within the other: those but the last lie around the cameras, and
-//! move by whole bricks of 8^3 voxels. They share all buffers, which are so many times as large; the finest comes first. See `GridLevel`
-//! in `types/grid.rs`.
+//! A scene wider than twice `GiSettings::range` has up to four such grids, one within the other: those but the last lie
+//! around the cameras, and move by whole bricks of 8^3 voxels. They share all buffers, which are so many times as
+//! large; the finest comes first. See `GridLevel` in `types/grid.rs`.
 //!
-//! Behind the world's are the grids of [`VoxelizedGroup`](crate::VoxelizedGroup)s, each with room for 32^3 voxels (384 KiB): voxelised once, by
-//! the same kernels, in the group's own space. A ray goes through each group that stands in its way, in voxels of the group.
+//! Behind the world's are the grids of [`VoxelizedGroup`](crate::VoxelizedGroup)s, each with room for 32^3 voxels (384
+//! KiB): voxelised once, by the same kernels, in the group's own space. A ray goes through each group that stands in
+//! its way, in voxels of the group.
 //!
 //! # Where it differs from the paper
 //!

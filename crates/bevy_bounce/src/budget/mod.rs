@@ -39,12 +39,12 @@
 //! Bounces between baked texels run one a frame, whatever the share; where [texels receive](crate::CssmReceivers::Texels) the last one,
 //! that is one or two more.
 //!
-//! The share is lowered by up to 30 percent every twelve frames while seven frames in a row are above the budget, or where the median of
-//! 63 is; and raised by up to five percent every 68 frames while that is below 82 percent of it. Fewer lights
-//! are in other places and light a little differently, so that a change is faded in over 40 frames where there is
-//! [history](crate::history): in these, its light may be half to twice that of its frame where light is even, and 0.3 to 4.4 times that where it
-//! is not. What changes by more than three times, nine where it is uneven, such as a lamp that is switched off, still shows in its frame.
-//! Without history all steps are seen.
+//! The share is lowered by up to 30 percent every twelve frames while seven frames in a row are above the budget, or
+//! where the median of 63 is; and raised by up to five percent every 68 frames while that is below 82 percent of it.
+//! Fewer lights are in other places and light a little differently, so that a change is faded in over 40 frames where
+//! there is [history](crate::history): in these, its light may be half to twice that of its frame where light is even,
+//! and 0.3 to 4.4 times that where it is not. What changes by more than three times, nine where it is uneven, such as a
+//! lamp that is switched off, still shows in its frame. Without history all steps are seen.
 //!
 //! # Several cameras
 //!

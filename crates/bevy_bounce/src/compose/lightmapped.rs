@@ -4,13 +4,13 @@
 //! more, over the alpha of direct light (`compose/lightmapped.wgsl`): what composes the picture leaves diffuse bounced light out
 //! there, and what bias compensation sends from there has none. What is mirrored stays, for a lightmap has only what is diffuse.
 //!
-//! Instances: 48 bytes each, the rows of `world_from_local`, a vertex buffer that steps by instance. One draw a mesh and view, of
-//! what Bevy found visible there. On the processor each mesh with a lightmap is read in each frame, and those in view are sorted; nothing is
-//! done where no mesh has one.
+//! Instances: 48 bytes each, the rows of `world_from_local`, a vertex buffer that steps by instance. One draw a mesh
+//! and view, of what Bevy found visible there. On the processor each mesh with a lightmap is read in each frame, and
+//! those in view are sorted; nothing is done where no mesh has one.
 //!
-//! A mesh is drawn as it is in its asset and at its own depth. Not marked are skinned and morphed ones that left their rest pose, those that
-//! a vertex shader moves, those whose material has a `depth_bias`, and for the frames until its pipeline is compiled the first mesh of a
-//! vertex layout: these have bounced light on top.
+//! A mesh is drawn as it is in its asset and at its own depth. Not marked are skinned and morphed ones that left their
+//! rest pose, those that a vertex shader moves, those whose material has a `depth_bias`, and for the frames until its
+//! pipeline is compiled the first mesh of a vertex layout: these have bounced light on top.
 
 use std::ops::Range;
 

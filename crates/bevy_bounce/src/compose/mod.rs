@@ -10,10 +10,10 @@
 //!    reflections and everything drawn forward. Where the sky bounces by virtual lights, what surfaces mirror of an environment map,
 //!    or of ambient light that is the sky, is added in proportion to what of the sky they see.
 //!
-//! Bevy's ambient light and irradiance volumes are left out, for they stand for the bounced light that is computed here;
-//! lightmaps, which Bevy's G-buffer carries as emission, stay, and where they are, diffuse bounced light is left out. Emission shows
-//! as in Bevy's deferred path, without exposure.
-//! While its own pipelines are compiled, and should they fail, Bevy's lighting runs; while those of a technique are, bounced light is missing.
+//! Bevy's ambient light and irradiance volumes are left out, for they stand for the bounced light that is computed
+//! here; lightmaps, which Bevy's G-buffer carries as emission, stay, and where they are, diffuse bounced light is left
+//! out. Emission shows as in Bevy's deferred path, without exposure. While its own pipelines are compiled, and should
+//! they fail, Bevy's lighting runs; while those of a technique are, bounced light is missing.
 
 mod extract;
 mod lightmapped;
@@ -69,8 +69,9 @@ pub enum GiIsolate {
     VoxelNormal,
     /// Light that they send, as radiance caches see it. Lights the voxels, whatever the technique.
     VoxelLight,
-    /// The levels that cones of radiance caches march through, light and coverage: bands side by side, the finest on the left, each of
-    /// the next with texels twice as wide. Those of the world, without [`VoxelizedGroup`](crate::VoxelizedGroup)s. Lights the voxels, whatever the technique.
+    /// The levels that cones of radiance caches march through, light and coverage: bands side by side, the finest on
+    /// the left, each of the next with texels twice as wide. Those of the world, without
+    /// [`VoxelizedGroup`](crate::VoxelizedGroup)s. Lights the voxels, whatever the technique.
     VoxelLevels,
     /// Shadow maps of the virtual lights, tile by tile in the order of their list: white is near, blue is empty.
     ShadowAtlas,

@@ -370,8 +370,8 @@ fn lighting_pass_id_test() -> DepthStencilState {
 /// Finds each view its pipelines, and takes over from Bevy's deferred lighting once they are there: until then, and should
 /// they fail, Bevy goes on lighting a view that it has lit before.
 ///
-/// Those of a sky are made while there may be one, so that it may come and go from one frame to the next; a game may set ambient light at any
-/// time: what is mirrored of it waits for its pipelines, and nothing else does.
+/// Those of a sky are made while there may be one, so that it may come and go from one frame to the next; a game may
+/// set ambient light at any time: what is mirrored of it waits for its pipelines, and nothing else does.
 pub(super) fn prepare_compose_pipelines(
     mut commands: Commands,
     cache: Res<PipelineCache>,

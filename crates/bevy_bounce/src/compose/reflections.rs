@@ -1,8 +1,9 @@
 //! Beside Bevy's screen-space reflections: what they show is counted once.
 //!
-//! Where a ray of theirs meets something on the screen, they show the light that radiance caches and the sky would; `compose/reflections.wgsl`
-//! takes that share from both, by the same ray, before they run. Where it meets nothing, caches and sky stay. Bevy's pass also
-//! adds the environment map, unshadowed; under a sky that bounces, it runs without that.
+//! Where a ray of theirs meets something on the screen, they show the light that radiance caches and the sky would;
+//! `compose/reflections.wgsl` takes that share from both, by the same ray, before they run. Where it meets nothing,
+//! caches and sky stay. Bevy's pass also adds the environment map, unshadowed; under a sky that bounces, it runs
+//! without that.
 
 use bevy::pbr::deferred::SkipDeferredLighting;
 use bevy::pbr::{Bluenoise, MeshViewBindGroup, ScreenSpaceReflectionsPipelineId};

@@ -17,9 +17,10 @@
 //!
 //! All but the last two run only when lights, materials, the objects' places or settings are others than before.
 //!
-//! Where a [budget](crate::GlobalIllumination::budget) asks for it, one `bounce` with its `leaves` and `pull` runs a frame, on `powers` and
-//! `gathered` of its own (48 bytes a texel), which are shown once all bounces are there; what the lamps send is pulled when it changes. Where
-//! texels receive the last bounce, they do so once more in frames in which something changes, and once all bounces are there.
+//! Where a [budget](crate::GlobalIllumination::budget) asks for it, one `bounce` with its `leaves` and `pull` runs a
+//! frame, on `powers` and `gathered` of its own (48 bytes a texel), which are shown once all bounces are there; what
+//! the lamps send is pulled when it changes. Where texels receive the last bounce, they do so once more in frames in
+//! which something changes, and once all bounces are there.
 //!
 //! # What hides what
 //!
@@ -59,11 +60,12 @@
 //!
 //! # What counts
 //!
-//! Up to [`MOST_OBJECTS`] objects, rigid: turned, moved, scaled evenly. Their colours are those of their bakes, their emission and what they
-//! reflect at their surface are those of their materials now. What is not baked receives light and neither blocks nor reflects it. Lamps shine
-//! evenly into their cones: Bevy's textures of lights are not looked at. A light or another object within an
-//! object's box that has only one surface of it on a line with a texel, or stands between two of them, may be seen through the
-//! first: the cube maps know where surfaces are, not what stands between them.
+//! Up to [`MOST_OBJECTS`] objects, rigid: turned, moved, scaled evenly. Their colours are those of their bakes, their
+//! emission and what they reflect at their surface are those of their materials now. What is not baked receives light
+//! and neither blocks nor reflects it. Lamps shine evenly into their cones: Bevy's textures of lights are not looked
+//! at. A light or another object within an object's box that has only one surface of it on a line with a texel, or
+//! stands between two of them, may be seen through the first: the cube maps know where surfaces are, not what stands
+//! between them.
 //!
 //! A node of the cut sends from one of its texels, chosen in proportion to what they send: no light is lost, however coarse the cut; what a
 //! larger error costs is noise from pixel to pixel and texel to texel. With [history](crate::GiSettings::history) other texels send in each
@@ -74,8 +76,9 @@
 //! Mesa's software rasteriser ends the loops of a thread after 65,535 rounds, two to four of which are a node's: beyond some 16,000
 //! nodes that a single receiver visits it leaves light out. Errors of a fraction of a step over large atlases come to that.
 //!
-//! Glossy light is that of the lit texels; in a single frame it is as sharp as those are fine. What is metal or polished lights others, and is mirrored, by its base
-//! colour and by what it reflects at its surface before that, as if it were matt.
+//! Glossy light is that of the lit texels; in a single frame it is as sharp as those are fine. What is metal or
+//! polished lights others, and is mirrored, by its base colour and by what it reflects at its surface before that, as
+//! if it were matt.
 
 mod counters;
 mod display;

@@ -6,8 +6,9 @@ use bevy::prelude::*;
 #[derive(Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Default)]
 pub struct CssmSettings {
-    /// Steps of 1/255 of the display's brightness, after exposure and tone mapping, 0.05 to 128: texels are taken together
-    /// where the light from all of them is less. Less is finer and calmer; cost is about its inverse. Of color grading, its exposure counts.
+    /// Steps of 1/255 of the display's brightness, after exposure and tone mapping, 0.05 to 128: texels are taken
+    /// together where the light from all of them is less. Less is finer and calmer; cost is about its inverse. Of color
+    /// grading, its exposure counts.
     #[reflect(@0.05..=128.0_f32)]
     pub error: f32,
     /// How visibility is looked up.
@@ -26,8 +27,8 @@ pub enum CssmReceivers {
     /// At each pixel: normal maps count, and glossy light.
     #[default]
     Pixels,
-    /// At the texels, when something has changed: pixels show what those around them have, smoothly. Fast, as fine as the atlas, diffuse, without
-    /// normal maps. What is not baked still gathers at each pixel.
+    /// At the texels, when something has changed: pixels show what those around them have, smoothly. Fast, as fine as
+    /// the atlas, diffuse, without normal maps. What is not baked still gathers at each pixel.
     Texels,
 }
 
@@ -38,8 +39,8 @@ pub enum CssmFilter {
     /// By one pixel of a cube map.
     #[default]
     Nearest,
-    /// Percentage-closer filtering of four: softer edges at up to four times the cost. Of cube maps alone: maps from outside, which hold the
-    /// shadows of suns and of other objects, are looked up as ever.
+    /// Percentage-closer filtering of four: softer edges at up to four times the cost. Of cube maps alone: maps from
+    /// outside, which hold the shadows of suns and of other objects, are looked up as ever.
     Pixels,
 }
 

@@ -13,8 +13,9 @@
 //! behind the nodes, four a word of 128 bits: the texel of each leaf, in the order of the leaves
 //! ```
 //!
-//! A sphere contains the squares of all texels below its node, a cone all their normals: that is what bounds of light need, and tighter than
-//! to contain the spheres and cones of the nodes below. What is rounded is rounded so that they still do.
+//! A sphere contains the squares of all texels below its node, a cone all their normals: that is what bounds of light
+//! need, and tighter than to contain the spheres and cones of the nodes below. What is rounded is rounded so that they
+//! still do.
 
 use bevy::math::{Vec2, Vec3};
 use bevy_bounce_cssm::{CssmFile, Texel};

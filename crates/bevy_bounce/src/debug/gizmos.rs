@@ -19,8 +19,9 @@ use crate::vpl::VplBuffers;
 #[derive(Resource, Reflect, Clone, Copy, Debug, PartialEq)]
 #[reflect(Resource, Default, Debug, Clone, PartialEq)]
 pub struct GiGizmos {
-    /// Each virtual light as a line along its normal, in the colour of its light. Needs Bevy's features `bevy_gizmos` and
-    /// `bevy_gizmos_render`, and its `GizmoPlugin`. The lights are read back from the GPU while this is on: what is drawn is some frames old.
+    /// Each virtual light as a line along its normal, in the colour of its light. Needs Bevy's features `bevy_gizmos`
+    /// and `bevy_gizmos_render`, and its `GizmoPlugin`. The lights are read back from the GPU while this is on: what is
+    /// drawn is some frames old.
     pub virtual_lights: bool,
     /// Length of those lines, as a share of the extent of all lights: 0.001 to 0.2.
     #[reflect(@1e-3..=0.2_f32)]

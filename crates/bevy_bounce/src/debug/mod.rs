@@ -1,8 +1,9 @@
 //! For looking at what is going on: pictures of what lies between the scene and its light, and virtual lights as gizmos.
 //!
-//! [`GiIsolate`](crate::GiIsolate) on a camera chooses what its picture holds: one term alone, or an intermediate: voxels as rays meet them,
-//! shadow maps of the virtual lights, clusters of the radiance caches, what pixels gather from baked objects. [`GiGizmos`] draws the
-//! virtual lights over any picture. Both are reflected, so that an inspector finds them; `bevy_bounce_egui` shows both.
+//! [`GiIsolate`](crate::GiIsolate) on a camera chooses what its picture holds: one term alone, or an intermediate:
+//! voxels as rays meet them, shadow maps of the virtual lights, clusters of the radiance caches, what pixels gather
+//! from baked objects. [`GiGizmos`] draws the virtual lights over any picture. Both are reflected, so that an inspector
+//! finds them; `bevy_bounce_egui` shows both.
 //!
 //! # Cost
 //!

@@ -9,8 +9,8 @@ use bevy::render::sync_world::RenderEntity;
 use super::prepare::LitFog;
 use crate::{GiSettings, GlobalIllumination, VplVisibility};
 
-/// Froxels along a picture's longest axis for a probe along the scene's: as few as keep fifty points of the Cornell box within 15 % of traced
-/// paths in fog that scatters evenly.
+/// Froxels along a picture's longest axis for a probe along the scene's: as few as keep fifty points of the Cornell box
+/// within 15 % of traced paths in fog that scatters evenly.
 const FROXELS_A_PROBE: u32 = 2;
 
 /// A camera whose fog is to be lit.

@@ -2,11 +2,12 @@
 //!
 //! After the bounced light of a view is complete and before it is composed:
 //!
-//! 1. `average` finds each pixel's surface in the last frame ([`MotionVectorPrepass`](bevy::core_pipeline::prepass::MotionVectorPrepass)
-//!    and depth), and averages its light with what was known there, over [`GiSettings::history`](crate::GiSettings::history) frames at most.
-//!    What the last frames say counts less the further it is off this frame's light, and nothing from a few percent on: each frame
-//!    is right on its own but for 2.4 percent where light is even, 4.1 where it is not. After Karis 2014, "High-Quality Temporal Supersampling", and
-//!    Salvi 2016, "An Excursion in Temporal Supersampling".
+//! 1. `average` finds each pixel's surface in the last frame
+//!    ([`MotionVectorPrepass`](bevy::core_pipeline::prepass::MotionVectorPrepass) and depth), and averages its light
+//!    with what was known there, over [`GiSettings::history`](crate::GiSettings::history) frames at most. What the last
+//!    frames say counts less the further it is off this frame's light, and nothing from a few percent on: each frame is
+//!    right on its own but for 2.4 percent where light is even, 4.1 where it is not. After Karis 2014, "High-Quality
+//!    Temporal Supersampling", and Salvi 2016, "An Excursion in Temporal Supersampling".
 //! 2. `keep` writes the average into the view's light, and keeps it with what each pixel shows.
 //!
 //! Where a [`budget`](crate::budget) has changed the number of lights, history may be further off for 40 frames.
@@ -14,8 +15,9 @@
 //! Diffuse light first, glossy light after it where there is any. Light is irradiance, before it is multiplied by the colours of
 //! surfaces: textures stay as sharp as they are.
 //!
-//! A frame that repeats the last one is the same to the bit, for nothing is off. Nothing is recalled in the first frame, after the size, the
-//! technique or any setting of the view changed (other than by its [`budget`](crate::budget)), after a frame without bounced light, and where
+//! A frame that repeats the last one is the same to the bit, for nothing is off. Nothing is recalled in the first
+//! frame, after the size, the technique or any setting of the view changed (other than by its
+//! [`budget`](crate::budget)), after a frame without bounced light, and where
 //! [`GlobalIllumination::reset`](crate::GlobalIllumination::reset) says so. A camera that is cut needs nothing: what it
 //! sees is recalled by its place in the world, or not at all.
 //!

@@ -4,8 +4,9 @@ use bevy::prelude::*;
 
 use crate::{GiIsolate, GlobalIllumination, camera};
 
-/// In place of [`GiComposePlugin`](crate::GiComposePlugin) where an app stays forward, with MSAA: bounced light comes from the volume of light probes
-/// alone, and cameras that ask for it lose Bevy's ambient light, which is a sky where the game has set it. [`GiIsolate`] does nothing.
+/// In place of [`GiComposePlugin`](crate::GiComposePlugin) where an app stays forward, with MSAA: bounced light comes
+/// from the volume of light probes alone, and cameras that ask for it lose Bevy's ambient light, which is a sky where
+/// the game has set it. [`GiIsolate`] does nothing.
 pub struct GiForwardPlugin;
 
 impl Plugin for GiForwardPlugin {

@@ -10,9 +10,9 @@
 //! | `places` | 750 KiB | where the light of each direction is taken |
 //! | `light` | 750 KiB | it, before directions without light of their own are filled |
 //!
-//! A direction's value is irradiance over pi as everywhere here, in cd/m^2 times a power of two near the exposure of the cameras,
-//! which [`IrradianceVolume::intensity`](bevy::light::IrradianceVolume::intensity) takes back: Bevy multiplies the value by the diffuse colour and
-//! by the exposure.
+//! A direction's value is irradiance over pi as everywhere here, in cd/m^2 times a power of two near the exposure of
+//! the cameras, which [`IrradianceVolume::intensity`](bevy::light::IrradianceVolume::intensity) takes back: Bevy
+//! multiplies the value by the diffuse colour and by the exposure.
 //!
 //! # Cost
 //!
@@ -24,12 +24,14 @@
 //!
 //! # What it cannot do
 //!
-//! It is as fine as its probes are near each other. Walls thinner than that let light by onto what floats before them; what is
-//! on them gets its own: see `probes/place.wgsl`. Six directions are a coarse picture of light for surfaces that are aslant and
-//! far from others: Bevy's shaders mix them by the squares of the normal's components, so that beside an axis the others hardly count. Of fifty
-//! particles in the Cornell box all are within 15 % of opaque ones where they face along an axis, 49 where they are turned to a camera
-//! in the closed box, and 28 where they look into the dark out of the open one: the exact light of the six directions is as far off there
-//! (`cargo test --workspace --test suite -- particles:: --nocapture`). Beyond the bounds of what reflects light there is none.
+//! It is as fine as its probes are near each other. Walls thinner than that let light by onto what floats before them;
+//! what is on them gets its own: see `probes/place.wgsl`. Six directions are a coarse picture of light for surfaces
+//! that are aslant and far from others: Bevy's shaders mix them by the squares of the normal's components, so that
+//! beside an axis the others hardly count. Of fifty particles in the Cornell box all are within 15 % of opaque ones
+//! where they face along an axis, 49 where they are turned to a camera in the closed box, and 28 where they look into
+//! the dark out of the open one: the exact light of the six directions is as far off there
+//! (`cargo test --workspace --test suite -- particles:: --nocapture`). Beyond the bounds of what reflects light there
+//! is none.
 
 mod extract;
 mod forward;

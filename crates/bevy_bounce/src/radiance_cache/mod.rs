@@ -31,17 +31,18 @@
 //!
 //! # Where it differs from the paper
 //!
-//! Voxels have six facings, so that a surface does not shade itself and walls do not leak. Levels of a cache are convolved with
-//! their lobes instead of being means of four texels. All that decides about clusters is in whole numbers, and the score of a
-//! place does not depend on the unit of length. A cache stays where it was while that is on its surface and no place in its
-//! cluster is clearly better; its light is made anew every frame. Where there is no room for a cache for every cluster, depth is sliced more
-//! coarsely, then facings are merged.
+//! Voxels have six facings, so that a surface does not shade itself and walls do not leak. Levels of a cache are
+//! convolved with their lobes instead of being means of four texels. All that decides about clusters is in whole
+//! numbers, and the score of a place does not depend on the unit of length. A cache stays where it was while that is on
+//! its surface and no place in its cluster is clearly better; its light is made anew every frame. Where there is no
+//! room for a cache for every cluster, depth is sliced more coarsely, then facings are merged.
 //!
 //! # What it cannot know
 //!
-//! Light from outside of the grid is that of the sky where caches are the technique; beside virtual point lights it is not in them, for Bevy reflects it. A reflection is as sharp as a texel of a cache, ten degrees,
-//! at most, and as fine as a voxel. What is glossy lights others as if it were matt.
-//! At a distance, what is aslant to the axes of the grid closes more of a cone than it fills, by up to three quarters at its outline.
+//! Light from outside of the grid is that of the sky where caches are the technique; beside virtual point lights it is
+//! not in them, for Bevy reflects it. A reflection is as sharp as a texel of a cache, ten degrees, at most, and as fine
+//! as a voxel. What is glossy lights others as if it were matt. At a distance, what is aslant to the axes of the grid
+//! closes more of a cone than it fills, by up to three quarters at its outline.
 
 mod counters;
 mod light;

@@ -29,10 +29,11 @@ use crate::settings::GiWorldSettings;
 /// turns, stretches and mirrors with the root. They are voxelised once, and again only when what is below the root changes; without
 /// it a mesh is voxelised every frame, together with the world.
 ///
-/// Groups that hold the same meshes and materials at the same places below their roots share one grid, so that a fleet costs one
-/// voxelisation; each is lit by itself. Up to 32 take part at a time, those spawned first; meshes of further ones, skinned and
-/// morphed meshes are voxelised with the world as without it; all are where the world's own voxels leave no room in a binding: beyond
-/// [`GiSettings::grid`](crate::GiSettings::grid) 128 with several grids, on devices that bind 128 MiB. A group within a group is one of its own.
+/// Groups that hold the same meshes and materials at the same places below their roots share one grid, so that a fleet
+/// costs one voxelisation; each is lit by itself. Up to 32 take part at a time, those spawned first; meshes of further
+/// ones, skinned and morphed meshes are voxelised with the world as without it; all are where the world's own voxels
+/// leave no room in a binding: beyond [`GiSettings::grid`](crate::GiSettings::grid) 128 with several grids, on devices
+/// that bind 128 MiB. A group within a group is one of its own.
 ///
 /// What a group emits belongs to it: it is voxelised anew where that changes, also by the camera's exposure, where
 /// `StandardMaterial::emissive_exposure_weight` lets that count.

@@ -5,16 +5,18 @@
 //!   what dielectrics reflect before light comes to their colour: two to eight percent.
 //! - Blended, additive, multiplied and premultiplied surfaces, and those that transmit specularly (glass), are not there:
 //!   light passes them.
-//! - Masked surfaces let through the share of light that their holes do. A texel of their thumbnail has the share of the texture's texels
-//!   whose alpha, times that of the base colour, reaches the cutoff; alpha to coverage cuts at 0.5. Vertices whose alpha, times that of
-//!   the base colour, is below it take away all around them. Shadow maps of virtual lights know the share of each sixteenth of a triangle, cells of
-//!   the voxel grid that of their surfaces; which texels and which places of a voxel are holes is drawn, the same every frame.
+//! - Masked surfaces let through the share of light that their holes do. A texel of their thumbnail has the share of
+//!   the texture's texels whose alpha, times that of the base colour, reaches the cutoff; alpha to coverage cuts at
+//!   0.5. Vertices whose alpha, times that of the base colour, is below it take away all around them. Shadow maps of
+//!   virtual lights know the share of each sixteenth of a triangle, cells of the voxel grid that of their surfaces;
+//!   which texels and which places of a voxel are holes is drawn, the same every frame.
 //! - Unlit surfaces are as bright as their base colour whatever shines on them: they neither reflect nor emit, and block where
 //!   they cast shadows.
 //! - Emission is what is seen: Bevy shows it without exposure but for `emissive_exposure_weight`, so that its radiance is
 //!   `emissive * mix(1 / exposure, 1, weight)` cd/m^2, by the exposure of the first camera with global illumination.
 //! - Both sides reflect where `double_sided` is set or nothing is culled; `Face::Front` culled turns the surface round.
-//! - Textures count as thumbnails of 16x16 means, beyond their edges as their samplers say; until they are loaded the surface is not there, as in Bevy.
+//! - Textures count as thumbnails of 16x16 means, beyond their edges as their samplers say; until they are loaded the
+//!   surface is not there, as in Bevy.
 //! - Vertex colours multiply base colour and its alpha, as in Bevy's lighting. Second UV sets are not looked at.
 
 use bevy::asset::UntypedAssetId;

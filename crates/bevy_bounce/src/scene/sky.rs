@@ -82,8 +82,8 @@ impl SkyMap {
     }
 }
 
-/// Radiance of the sky that ambient light stands for, cd/m^2: an open diffuse surface is as bright under either. A camera's own counts before
-/// that of the app, which each app of Bevy's has at its default: that is no game's sky.
+/// Radiance of the sky that ambient light stands for, cd/m^2: an open diffuse surface is as bright under either. A
+/// camera's own counts before that of the app, which each app of Bevy's has at its default: that is no game's sky.
 fn ambient_radiance(own: Option<&AmbientLight>, global: Option<&GlobalAmbientLight>) -> Option<Vec3> {
     let default = GlobalAmbientLight::default();
     let is_set = |light: &&GlobalAmbientLight| {

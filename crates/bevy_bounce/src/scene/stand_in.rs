@@ -31,8 +31,8 @@ use super::instances::Instances;
 /// }
 /// ```
 pub trait GiMaterial: Material {
-    /// What bounced light takes the surface for: base colour, its texture, emission, roughness, metal, alpha mode and sides count, as of any
-    /// `StandardMaterial`. Asked for when the asset is added or modified.
+    /// What bounced light takes the surface for: base colour, its texture, emission, roughness, metal, alpha mode and
+    /// sides count, as of any `StandardMaterial`. Asked for when the asset is added or modified.
     fn stand_in(&self) -> StandardMaterial;
 }
 
@@ -48,8 +48,8 @@ impl<E: MaterialExtension> GiMaterial for ExtendedMaterial<StandardMaterial, E> 
     }
 }
 
-/// Meshes with this material take part in bounced light; `StandardMaterial` needs none. To be added beside Bevy's `MaterialPlugin` of the material.
-/// Does nothing in apps without bounced light.
+/// Meshes with this material take part in bounced light; `StandardMaterial` needs none. To be added beside Bevy's
+/// `MaterialPlugin` of the material. Does nothing in apps without bounced light.
 pub struct GiMaterialPlugin<M: GiMaterial>(PhantomData<M>);
 
 impl<M: GiMaterial> Default for GiMaterialPlugin<M> {

@@ -1,9 +1,10 @@
 //! Textures as 16x16 means, so that a large textured wall is not one colour.
 //!
-//! A thumbnail is 256 words of one buffer, made on the GPU by `scene/thumbnail.wgsl` when the texture arrives or changes:
-//! base colour, or the emissive texture. Of masked textures alpha is the share of the texels that are there. Any two-dimensional texture that can be read as floats will do, whatever its
-//! compression. What is above 1 in an emissive texture counts as 1. Beyond its edges a texture goes on as its sampler says; a border's
-//! colour counts as that of the edge.
+//! A thumbnail is 256 words of one buffer, made on the GPU by `scene/thumbnail.wgsl` when the texture arrives or
+//! changes: base colour, or the emissive texture. Of masked textures alpha is the share of the texels that are there.
+//! Any two-dimensional texture that can be read as floats will do, whatever its compression. What is above 1 in an
+//! emissive texture counts as 1. Beyond its edges a texture goes on as its sampler says; a border's colour counts as
+//! that of the edge.
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -13,20 +13,20 @@
 //! the surface that its texel shows, lies behind the plane of that, and that before its own: however coarse texels are, surfaces do not
 //! shadow themselves.
 //!
-//! Masked triangles leave out texels, as many as their holes are of them: holes that are a quarter of a triangle's edge or more are where they
-//! are, finer ones anywhere within that. See `shadow_atlas/masks.wgsl`. A masked triangle costs some 4000 operations more a frame, and 60 more a
-//! texel; others a comparison.
+//! Masked triangles leave out texels, as many as their holes are of them: holes that are a quarter of a triangle's edge
+//! or more are where they are, finer ones anywhere within that. See `shadow_atlas/masks.wgsl`. A masked triangle costs
+//! some 4000 operations more a frame, and 60 more a texel; others a comparison.
 //!
-//! Where visibility is baked, lights on baked objects have these from the bake: the codes of its cube maps are the first layer of their tiles,
-//! and triangles of all else are drawn over it. Ritschel, Grosch, Kautz and Seidel 2008.
+//! Where visibility is baked, lights on baked objects have these from the bake: the codes of its cube maps are the
+//! first layer of their tiles, and triangles of all else are drawn over it. Ritschel, Grosch, Kautz and Seidel 2008.
 //!
 //! Imperfect shadow maps (Ritschel et al. 2008) fill the same tiles from points spread over the surfaces.
 //!
 //! # How large a tile
 //!
 //! Shares of pairs of a pixel and a light for which a tile agrees with an exact ray, of 8000 pairs and 256 lights each
-//! (`cargo test --workspace --test suite -- maps_agree_by --ignored --nocapture`): tiles of triangles, of points, and what those of triangles would
-//! be if each texel knew exactly what is in its middle.
+//! (`cargo test --workspace --test suite -- maps_agree_by --ignored --nocapture`): tiles of triangles, of points, and
+//! what those of triangles would be if each texel knew exactly what is in its middle.
 //!
 //! | texels | corner | sibenik | sponza |
 //! |---|---|---|---|
@@ -42,10 +42,11 @@
 //!
 //! # Cost
 //!
-//! Work grows with lights times triangles, which is bounded: large meshes cast by a coarser version, made when the mesh is
-//! loaded, and what lies within its error of a map's surface is on that surface: each texel knows that of the mesh it shows.
-//! 34 million of these pairs are drawn, or as many more as it takes that nothing is more than a voxel off. Where that is more than 268 million,
-//! or 65,535 triangles, no maps are drawn, and lights see by rays through the grid.
+//! Work grows with lights times triangles, which is bounded: large meshes cast by a coarser version, made when the mesh
+//! is loaded, and what lies within its error of a map's surface is on that surface: each texel knows that of the mesh
+//! it shows. 34 million of these pairs are drawn, or as many more as it takes that nothing is more than a voxel off.
+//! Where that is more than 268 million, or 65,535 triangles, no maps are drawn, and lights see by rays through the
+//! grid.
 //!
 //! # Where it differs from the paper
 //!

@@ -49,8 +49,8 @@ fn sum(cuts: &[f32]) -> f64 {
     cuts.iter().map(|nodes| f64::from(*nodes)).sum()
 }
 
-/// A scene's rows: all bounces are made in a frame in which the settings change, and none in the next, at rest. Tests of pixels are those of a
-/// frame at rest, tests of texels those that only the other one makes.
+/// A scene's rows: all bounces are made in a frame in which the settings change, and none in the next, at rest. Tests
+/// of pixels are those of a frame at rest, tests of texels those that only the other one makes.
 fn print_rows(name: &str, error: f32, paper: [f64; 4], of_size: impl Fn(UVec2) -> Stage) {
     // How many nodes a pixel gathers from does not depend on how many pixels there are.
     let (mut stage, mut small) = (of_size(SIZE), of_size(SIZE / 5));

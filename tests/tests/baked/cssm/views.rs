@@ -95,8 +95,8 @@ fn cuts_of_texels_are_counted() {
     assert_eq!(texel_cuts(stage.render_world()), Some([vec![0.0; texels], vec![0.0; texels]]));
 }
 
-/// Half the exposure asks for as fine cuts of twice the light, whether the lens halves it or the grading; and where the display darkens what is
-/// dark, light is taken together sooner.
+/// Half the exposure asks for as fine cuts of twice the light, whether the lens halves it or the grading; and where the
+/// display darkens what is dark, light is taken together sooner.
 #[test]
 #[ignore = "takes minutes on a software adapter"]
 fn cuts_are_as_fine_as_the_display_shows() {
@@ -174,7 +174,8 @@ fn levels_lie_on_their_texels() {
     assert!(right * 100 > picture.pixels.len() * 97, "{right} of {} pixels", picture.pixels.len());
 }
 
-/// Each texel stands in its cell with what it sends, so many times as large or one of so many; those of which that is not known are passed over.
+/// Each texel stands in its cell with what it sends, so many times as large or one of so many; those of which that is
+/// not known are passed over.
 fn assert_atlas(stage: &mut Stage, file: &CssmFile, larger: usize, every: usize, sent: impl Fn(Texel) -> Option<f32>) {
     let camera = stage.only::<Camera3d>();
     let exposure = stage.world().get::<Exposure>(camera).copied().unwrap_or_default().exposure();

@@ -186,10 +186,10 @@ fn compensated(settings: GiSettings) -> Option<[Metrics; 3]> {
     }))
 }
 
-/// Nearly all that the bound took is there again, and no more, for few lights and for many. What it takes from many is little, and what
-/// lights that happen to be near a surface send it without a bound is as much of it as a fifth: the mean over some numbers of lights counts.
-/// The rest that lacks to the reference is not the bound's: the edge of its spot light fades linearly, that of Bevy's with the square, so
-/// that this lamp sends 1.6 % less.
+/// Nearly all that the bound took is there again, and no more, for few lights and for many. What it takes from many is
+/// little, and what lights that happen to be near a surface send it without a bound is as much of it as a fifth: the
+/// mean over some numbers of lights counts. The rest that lacks to the reference is not the bound's: the edge of its
+/// spot light fades linearly, that of Bevy's with the square, so that this lamp sends 1.6 % less.
 #[test]
 fn corners_get_back_what_they_lost() {
     let few = GiSettings { vpls: 1024, resolution: Resolution::Full, ..default() };

@@ -195,7 +195,8 @@ fn groups_neither_grow_nor_vanish() {
     }
 }
 
-/// Of two blocks one behind the other, what the one in front covers hides the other's light and no more, whichever is first among the groups.
+/// Of two blocks one behind the other, what the one in front covers hides the other's light and no more, whichever is
+/// first among the groups.
 #[test]
 fn groups_hide_what_is_behind_them() {
     let block = |albedo: Vec3, half: Vec3| {
