@@ -184,40 +184,46 @@ impl Plugin for GiComposePlugin {
                     lightmapped::prepare_lightmapped.in_set(GiSystems::Prepare),
                     prepare_view_textures.in_set(GiSystems::Prepare).after(pipelines::prepare_compose_pipelines),
                 ),
-            )
-            .configure_sets(
-                Core3d,
-                (
-                    ViewPass::Surface,
-                    ViewPass::Direct,
-                    ViewPass::Shade,
-                    ViewPass::CacheDistribution,
-                    ViewPass::CacheCreation,
-                    ViewPass::CacheEvaluation,
-                    ViewPass::Compensate,
-                    ViewPass::History,
-                    ViewPass::Reflections,
-                    ViewPass::Compose,
-                )
-                    .chain()
-                    .in_set(Core3dSystems::MainPass)
-                    .after(deferred_lighting)
-                    .before(screen_space_reflections)
-                    .before(main_opaque_pass_3d),
-            )
-            .configure_sets(
-                Core3d,
-                ViewPass::Isolate.after(Core3dSystems::MainPass).before(Core3dSystems::EarlyPostProcess),
-            )
-            .add_systems(
-                Core3d,
-                (
-                    passes::surface_pass.in_set(ViewPass::Surface),
-                    (passes::direct_pass, lightmapped::lightmapped_pass).chain().in_set(ViewPass::Direct),
-                    reflections::reflections_pass.in_set(ViewPass::Reflections),
-                    passes::compose_pass.in_set(ViewPass::Compose),
-                    passes::isolate_pass.in_set(ViewPass::Isolate),
-                ),
             );
+        add_passes(render_app);
     }
+}
+
+/// The passes of a view, and their places in Bevy's schedule; those of other stages come into the same sets.
+fn add_passes(render_app: &mut SubApp) {
+    render_app
+        .configure_sets(
+            Core3d,
+            (
+                ViewPass::Surface,
+                ViewPass::Direct,
+                ViewPass::Shade,
+                ViewPass::CacheDistribution,
+                ViewPass::CacheCreation,
+                ViewPass::CacheEvaluation,
+                ViewPass::Compensate,
+                ViewPass::History,
+                ViewPass::Reflections,
+                ViewPass::Compose,
+            )
+                .chain()
+                .in_set(Core3dSystems::MainPass)
+                .after(deferred_lighting)
+                .before(screen_space_reflections)
+                .before(main_opaque_pass_3d),
+        )
+        .configure_sets(
+            Core3d,
+            ViewPass::Isolate.after(Core3dSystems::MainPass).before(Core3dSystems::EarlyPostProcess),
+        )
+        .add_systems(
+            Core3d,
+            (
+                passes::surface_pass.in_set(ViewPass::Surface),
+                (passes::direct_pass, lightmapped::lightmapped_pass).chain().in_set(ViewPass::Direct),
+                reflections::reflections_pass.in_set(ViewPass::Reflections),
+                passes::compose_pass.in_set(ViewPass::Compose),
+                passes::isolate_pass.in_set(ViewPass::Isolate),
+            ),
+        );
 }

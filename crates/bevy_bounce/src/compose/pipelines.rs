@@ -136,6 +136,53 @@ pub(super) enum Pass {
     },
 }
 
+impl Pass {
+    /// Definitions of its own.
+    fn shader_defs(self) -> impl Iterator<Item = &'static str> {
+        let defs = match self {
+            Self::Direct { environment_maps, glossy } => vec![
+                ("COMPOSE_GLOSSY", glossy),
+                ("SKY", environment_maps.are_shadowed()),
+                ("AMBIENT", environment_maps == EnvironmentMaps::Ambient),
+            ],
+            Self::Reflections { targets } => {
+                vec![("SECOND_TARGET", targets > 1), ("USE_DEPTH_SAMPLERS", cfg!(not(target_arch = "wasm32")))]
+            }
+            Self::Compose { indirect, glossy, coat, sky } => vec![
+                ("COMPOSE_INDIRECT", indirect),
+                ("COMPOSE_GLOSSY", glossy),
+                ("COMPOSE_COAT", coat),
+                ("COMPOSE_SKY", sky),
+            ],
+            Self::Isolate { glossy, coat, sky, .. } => {
+                vec![("COMPOSE_GLOSSY", glossy), ("COMPOSE_COAT", coat), ("COMPOSE_SKY", sky)]
+            }
+        };
+        defs.into_iter().filter(|(_, defined)| *defined).map(|(name, _)| name)
+    }
+
+    /// Whether nothing of Bevy's light by environment maps is left.
+    fn replaces_environment_maps(self) -> bool {
+        matches!(self, Self::Direct { environment_maps: EnvironmentMaps::Replaced, .. })
+    }
+
+    /// What it draws to, of a view with a picture of that format.
+    fn targets(self, picture: TextureFormat) -> Vec<Option<ColorTargetState>> {
+        let half = TextureFormat::Rgba16Float;
+        let target = |format| Some(ColorTargetState { format, blend: None, write_mask: ColorWrites::ALL });
+        match self {
+            Self::Direct { environment_maps, .. } => {
+                vec![target(half); if environment_maps.are_shadowed() { 3 } else { 2 }]
+            }
+            Self::Reflections { targets } => {
+                let taken = ColorTargetState { format: half, blend: Some(TAKE), write_mask: ColorWrites::COLOR };
+                vec![Some(taken); targets]
+            }
+            Self::Compose { .. } | Self::Isolate { .. } => vec![target(picture)],
+        }
+    }
+}
+
 /// The pipelines of a view; there once they are compiled.
 #[derive(Component)]
 pub(super) struct ViewPipelines {
@@ -157,15 +204,10 @@ impl ViewPipelines {
     }
 }
 
-pub(super) fn init_compose_pipelines(
-    mut commands: Commands,
-    shaders: Res<GiShaders>,
-    mesh_pipeline: Res<MeshPipeline>,
-    fullscreen: Res<FullscreenShader>,
-    device: Res<RenderDevice>,
-) {
-    let surface = Kernel::new(
-        &shaders,
+/// Packs the G-buffer.
+fn surface_kernel(shaders: &GiShaders) -> Kernel {
+    Kernel::new(
+        shaders,
         KernelDescriptor {
             path: "compose/surface.wgsl",
             entry: "pack",
@@ -181,7 +223,16 @@ pub(super) fn init_compose_pipelines(
             groups: &[],
             defs: vec![],
         },
-    );
+    )
+}
+
+pub(super) fn init_compose_pipelines(
+    mut commands: Commands,
+    shaders: Res<GiShaders>,
+    mesh_pipeline: Res<MeshPipeline>,
+    fullscreen: Res<FullscreenShader>,
+    device: Res<RenderDevice>,
+) {
     let direct_layout = BindGroupLayoutDescriptor::new(
         "bounce_direct_layout",
         &BindGroupLayoutEntries::single(ShaderStages::FRAGMENT, texture_2d(TextureSampleType::Uint)),
@@ -205,7 +256,7 @@ pub(super) fn init_compose_pipelines(
     );
     let reflections = ReflectionBindings::new(&device);
     commands.insert_resource(ComposePipelines {
-        surface,
+        surface: surface_kernel(&shaders),
         direct_layout,
         ambient_layout,
         compose_layout,
@@ -255,6 +306,22 @@ impl ComposePipelines {
         .map(|(name, _)| ShaderDefVal::from(name))
         .collect()
     }
+
+    /// Label, shader, entry point of its fragments, layout of group 2.
+    fn program(&self, pass: Pass) -> (&'static str, &Handle<Shader>, &'static str, &BindGroupLayoutDescriptor) {
+        match pass {
+            Pass::Direct { environment_maps, .. } => {
+                let is_ambient = environment_maps == EnvironmentMaps::Ambient;
+                let layout = if is_ambient { &self.ambient_layout } else { &self.direct_layout };
+                ("bounce_direct", &self.direct_shader, "fragment", layout)
+            }
+            Pass::Reflections { .. } => {
+                ("bounce_reflections", &self.reflections_shader, "take", &self.reflections_layout)
+            }
+            Pass::Compose { .. } => ("bounce_compose", &self.compose_shader, "compose", &self.compose_layout),
+            Pass::Isolate { entry, .. } => ("bounce_isolate", &self.compose_shader, entry, &self.compose_layout),
+        }
+    }
 }
 
 impl SpecializedRenderPipeline for ComposePipelines {
@@ -263,71 +330,19 @@ impl SpecializedRenderPipeline for ComposePipelines {
     fn specialize(&self, (key, pass): Self::Key) -> RenderPipelineDescriptor {
         let layout = self.mesh_pipeline.get_view_layout(key.into());
         let mut shader_defs = self.shader_defs(key, &layout);
-        if let Pass::Compose { indirect: true, .. } = pass {
-            shader_defs.push("COMPOSE_INDIRECT".into());
-        }
-        if let Pass::Direct { glossy: true, .. }
-        | Pass::Compose { glossy: true, .. }
-        | Pass::Isolate { glossy: true, .. } = pass
-        {
-            shader_defs.push("COMPOSE_GLOSSY".into());
-        }
-        if let Pass::Compose { coat: true, .. } | Pass::Isolate { coat: true, .. } = pass {
-            shader_defs.push("COMPOSE_COAT".into());
-        }
-        if let Pass::Compose { sky: true, .. } | Pass::Isolate { sky: true, .. } = pass {
-            shader_defs.push("COMPOSE_SKY".into());
-        }
-        let shadowed = matches!(pass, Pass::Direct { environment_maps, .. } if environment_maps.are_shadowed());
-        if shadowed {
-            shader_defs.push("SKY".into());
-        }
-        let ambient = matches!(pass, Pass::Direct { environment_maps: EnvironmentMaps::Ambient, .. });
-        if ambient {
-            shader_defs.push("AMBIENT".into());
-        }
-        if let Pass::Direct { environment_maps: EnvironmentMaps::Replaced, .. } = pass {
-            shader_defs.retain(|def| *def != ShaderDefVal::from("ENVIRONMENT_MAP"));
-        }
-        if let Pass::Reflections { targets } = pass {
-            if targets > 1 {
-                shader_defs.push("SECOND_TARGET".into());
+        shader_defs.retain(|def| !(pass.replaces_environment_maps() && *def == "ENVIRONMENT_MAP".into()));
+        shader_defs.extend(pass.shader_defs().map(ShaderDefVal::from));
+        let (label, shader, entry_point, group_layout) = self.program(pass);
+        let is_composed = matches!(pass, Pass::Compose { .. });
+        let vertex = if is_composed {
+            VertexState {
+                shader: shader.clone(),
+                shader_defs: shader_defs.clone(),
+                entry_point: Some("vertex".into()),
+                buffers: vec![],
             }
-            #[cfg(not(target_arch = "wasm32"))]
-            shader_defs.push("USE_DEPTH_SAMPLERS".into());
-        }
-        let (label, shader, entry_point, group_layout) = match pass {
-            Pass::Direct { .. } => {
-                let layout = if ambient { &self.ambient_layout } else { &self.direct_layout };
-                ("bounce_direct", &self.direct_shader, "fragment", layout)
-            }
-            Pass::Reflections { .. } => {
-                ("bounce_reflections", &self.reflections_shader, "take", &self.reflections_layout)
-            }
-            Pass::Compose { .. } => ("bounce_compose", &self.compose_shader, "compose", &self.compose_layout),
-            Pass::Isolate { entry, .. } => ("bounce_isolate", &self.compose_shader, entry, &self.compose_layout),
-        };
-        let target = |format| Some(ColorTargetState { format, blend: None, write_mask: ColorWrites::ALL });
-        let (vertex, targets, depth_stencil) = match pass {
-            Pass::Direct { .. } => {
-                let half = TextureFormat::Rgba16Float;
-                (self.fullscreen.to_vertex_state(), vec![target(half); if shadowed { 3 } else { 2 }], None)
-            }
-            Pass::Reflections { targets } => {
-                let format = TextureFormat::Rgba16Float;
-                let target = ColorTargetState { format, blend: Some(TAKE), write_mask: ColorWrites::COLOR };
-                (self.fullscreen.to_vertex_state(), vec![Some(target); targets], None)
-            }
-            Pass::Compose { .. } => {
-                let vertex = VertexState {
-                    shader: shader.clone(),
-                    shader_defs: shader_defs.clone(),
-                    entry_point: Some("vertex".into()),
-                    buffers: vec![],
-                };
-                (vertex, vec![target(key.target_format())], Some(lighting_pass_id_test()))
-            }
-            Pass::Isolate { .. } => (self.fullscreen.to_vertex_state(), vec![target(key.target_format())], None),
+        } else {
+            self.fullscreen.to_vertex_state()
         };
         RenderPipelineDescriptor {
             label: Some(label.into()),
@@ -337,9 +352,9 @@ impl SpecializedRenderPipeline for ComposePipelines {
                 shader: shader.clone(),
                 shader_defs,
                 entry_point: Some(entry_point.into()),
-                targets,
+                targets: pass.targets(key.target_format()),
             }),
-            depth_stencil,
+            depth_stencil: is_composed.then(lighting_pass_id_test),
             ..default()
         }
     }

@@ -170,6 +170,32 @@ impl Bounces {
     }
 }
 
+impl Next {
+    /// A bounce of the light that comes next; after the last one, of `between`, it is what is shown.
+    fn advance(
+        &mut self,
+        coming: &Bounces,
+        between: u32,
+        p: &CssmPipelines,
+        baked: &mut Baked,
+        encoder: &mut CommandEncoder,
+        cache: &PipelineCache,
+    ) {
+        let bounces = self.bounces.unwrap_or(0);
+        if bounces == 0 {
+            coming.start(p, baked, &self.light, encoder, cache);
+            self.is_late = false;
+        }
+        coming.bounce(p, baked, encoder, cache);
+        self.bounces = Some(bounces + 1);
+        if bounces + 1 == between {
+            coming.receive(p, baked, encoder, cache);
+            std::mem::swap(&mut baked.light, &mut self.light);
+            self.bounces = self.is_late.then_some(0);
+        }
+    }
+}
+
 /// Emission and direct light of the texels, then bounce after bounce. What is there stays while nothing changes.
 pub(super) fn light_texels(
     baked: Option<ResMut<Baked>>,
@@ -217,18 +243,7 @@ pub(super) fn light_texels(
                 shown.receive(&p, baked, encoder, &cache);
                 next.is_late = true;
             }
-            let bounces = next.bounces.unwrap_or(0);
-            if bounces == 0 {
-                coming.start(&p, baked, &next.light, encoder, &cache);
-                next.is_late = false;
-            }
-            coming.bounce(&p, baked, encoder, &cache);
-            next.bounces = Some(bounces + 1);
-            if bounces + 1 == between {
-                coming.receive(&p, baked, encoder, &cache);
-                std::mem::swap(&mut baked.light, &mut next.light);
-                next.bounces = next.is_late.then_some(0);
-            }
+            next.advance(&coming, between, &p, baked, encoder, &cache);
         }
         (.., Some((_, shown))) => {
             shown.start(&p, baked, &baked.light, encoder, &cache);

@@ -222,15 +222,7 @@ pub(super) fn prepare_fog(
             }
             let Some((near, far)) = distances(view, &frustum, place) else { continue };
             let Some(parameters) = parameters(fog, volume, place) else { continue };
-            let known = froxels.iter().position(|known| known.asymmetry == asymmetry).unwrap_or(froxels.len());
-            match froxels.get_mut(known) {
-                Some(known) => {
-                    let end = (known.near + known.extent).max(far);
-                    known.near = known.near.min(near);
-                    known.extent = end - known.near;
-                }
-                None => froxels.push(FroxelParameters { dims, asymmetry, near, extent: far - near }),
-            }
+            let known = join(&mut froxels, FroxelParameters { dims, asymmetry, near, extent: far - near });
             let density = volume.density_texture.as_ref().map(Handle::id).filter(|id| images.get(*id).is_some());
             let has_texture = u32::from(density.is_some());
             let offset = uniforms.volumes.push(&FogParameters { has_texture, ..parameters });
@@ -246,6 +238,20 @@ pub(super) fn prepare_fog(
     }
     uniforms.volumes.write_buffer(&device, &queue);
     uniforms.froxels.write_buffer(&device, &queue);
+}
+
+/// Volumes of one asymmetry share froxels that reach over all of them: which these are.
+fn join(froxels: &mut Vec<FroxelParameters>, wanted: FroxelParameters) -> usize {
+    let index = froxels.iter().position(|known| known.asymmetry == wanted.asymmetry).unwrap_or(froxels.len());
+    match froxels.get_mut(index) {
+        Some(known) => {
+            let end = (known.near + known.extent).max(wanted.near + wanted.extent);
+            known.near = known.near.min(wanted.near);
+            known.extent = end - known.near;
+        }
+        None => froxels.push(wanted),
+    }
+    index
 }
 
 fn texture(label: &'static str, size: UVec3, dimension: TextureDimension) -> TextureDescriptor<'static> {

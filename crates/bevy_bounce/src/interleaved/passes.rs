@@ -2,14 +2,14 @@
 
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
-use bevy::render::render_resource::{BindingResource, PipelineCache, TextureView};
-use bevy::render::renderer::{RenderContext, ViewQuery};
+use bevy::render::render_resource::{BindGroup, BindingResource, CommandEncoder, PipelineCache, TextureView};
+use bevy::render::renderer::{RenderContext, RenderDevice, ViewQuery};
 use bevy::render::view::{ViewUniformOffset, ViewUniforms};
 
-use super::pipelines::{InterleavedPipelines, PassesKey};
+use super::pipelines::{InterleavedPipelines, Passes, PassesKey};
 use crate::Technique;
 use crate::avg::VoxelGrid;
-use crate::compute::{GiShaders, whole};
+use crate::compute::{GiShaders, Kernel, whole};
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::shadow_atlas::{ShadowAtlas, bind_visibility};
@@ -58,46 +58,99 @@ pub(super) fn shade(
     let see_groups =
         if key.sky == sky.is_some() { see_groups } else { bind_sight(None).map_or(see_groups, |bound| bound.1) };
     let passes = p.passes(key, &shaders);
-    let device = ctx.render_device().clone();
-    let bindings = |output| {
-        [
-            view_uniform.clone(),
-            texture(&textures.surface),
-            whole(&vpl.header),
-            whole(&vpl.vpls),
-            texture(output),
-            grid_uniform.clone(),
-            whole(&vpl.densities),
-        ]
-    };
-    let from_to = |from, to| bindings(to).into_iter().chain([texture(from)]).collect::<Vec<_>>();
-    let (last, between) = (&textures.indirect, &textures.interleaved);
-    let shaded = bindings(last).into_iter().chain(sky_seen.map(texture)).collect::<Vec<_>>();
-    let shade_group = passes.shade.bind(&device, &cache, &shaded);
-    let rows_group = passes.rows.bind(&device, &cache, &from_to(last, between));
-    let columns_group = passes.columns.bind(&device, &cache, &from_to(between, last));
-    let sky_groups = passes.sky_columns.as_ref().zip(sky_seen).map(|(columns, seen)| {
-        let rows_group = passes.rows.bind(&device, &cache, &from_to(seen, between));
-        (rows_group, columns, columns.bind(&device, &cache, &from_to(between, seen)))
-    });
+    let inputs = Inputs { textures, view: view_uniform, grid: grid_uniform, vpl: &vpl };
+    let groups = inputs.bind(passes, sky_seen, ctx.render_device(), &cache);
 
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/interleaved");
     let pixels_a_texel = gi.settings.resolution.pixels_a_texel();
-    let tiles = textures.size.map(|pixels| pixels.div_ceil(TILE_TEXELS * pixels_a_texel)) * 4;
-    let with = |group| std::iter::once(group).chain(&see_groups).collect::<Vec<_>>();
-    passes.shade.dispatch(encoder, &cache, &with(&shade_group), tiles.extend(1));
-    let groups = UVec3::from((textures.size.map(|pixels| pixels.div_ceil(GROUP)), 1));
-    let rows = groups.with_y(textures.size.y.div_ceil(GROUP * pixels_a_texel));
-    passes.rows.dispatch(encoder, &cache, &with(&rows_group), rows);
-    passes.columns.dispatch(encoder, &cache, &with(&columns_group), groups);
-    if let Some((rows_group, columns, columns_group)) = &sky_groups {
-        passes.rows.dispatch(encoder, &cache, &with(rows_group), rows);
-        columns.dispatch(encoder, &cache, &with(columns_group), groups);
-    }
+    groups.dispatch(passes, &see_groups, textures.size, pixels_a_texel, encoder, &cache);
     span.end(encoder);
+}
+
+/// What all passes read, but what they filter.
+struct Inputs<'a> {
+    textures: &'a ViewTextures,
+    view: BindingResource<'a>,
+    grid: BindingResource<'a>,
+    vpl: &'a VplBuffers,
+}
+
+impl<'a> Inputs<'a> {
+    fn bindings(&self, output: &'a TextureView) -> [BindingResource<'a>; 7] {
+        [
+            self.view.clone(),
+            texture(&self.textures.surface),
+            whole(&self.vpl.header),
+            whole(&self.vpl.vpls),
+            texture(output),
+            self.grid.clone(),
+            whole(&self.vpl.densities),
+        ]
+    }
+
+    /// Light is shaded into `indirect`, and comes back there filtered; so does what of the sky is seen, in its own texture.
+    fn bind(
+        &self,
+        passes: &Passes,
+        sky_seen: Option<&'a TextureView>,
+        device: &RenderDevice,
+        cache: &PipelineCache,
+    ) -> Groups {
+        let (light, between) = (&self.textures.indirect, &self.textures.interleaved);
+        let shaded = self.bindings(light).into_iter().chain(sky_seen.map(texture)).collect::<Vec<_>>();
+        let filter = |kernel: &Kernel, from, to| {
+            let bindings = self.bindings(to).into_iter().chain([texture(from)]).collect::<Vec<_>>();
+            kernel.bind(device, cache, &bindings)
+        };
+        Groups {
+            shade: passes.shade.bind(device, cache, &shaded),
+            rows: filter(&passes.rows, light, between),
+            columns: filter(&passes.columns, between, light),
+            sky: passes
+                .sky_columns
+                .as_ref()
+                .zip(sky_seen)
+                .map(|(columns, seen)| [filter(&passes.rows, seen, between), filter(columns, between, seen)]),
+        }
+    }
+}
+
+/// Group 0 of each pass.
+struct Groups {
+    shade: BindGroup,
+    rows: BindGroup,
+    columns: BindGroup,
+    /// Rows and columns of what of the sky is seen.
+    sky: Option<[BindGroup; 2]>,
+}
+
+impl Groups {
+    fn dispatch(
+        &self,
+        passes: &Passes,
+        see_groups: &[BindGroup],
+        pixels: UVec2,
+        pixels_a_texel: u32,
+        encoder: &mut CommandEncoder,
+        cache: &PipelineCache,
+    ) {
+        let mut run = |kernel: &Kernel, group, workgroups: UVec2| {
+            let groups: Vec<_> = std::iter::once(group).chain(see_groups).collect();
+            kernel.dispatch(encoder, cache, &groups, workgroups.extend(1));
+        };
+        run(&passes.shade, &self.shade, pixels.map(|pixels| pixels.div_ceil(TILE_TEXELS * pixels_a_texel)) * 4);
+        let columns = pixels.map(|pixels| pixels.div_ceil(GROUP));
+        let rows = columns.with_y(pixels.y.div_ceil(GROUP * pixels_a_texel));
+        run(&passes.rows, &self.rows, rows);
+        run(&passes.columns, &self.columns, columns);
+        if let (Some(kernel), Some([sky_rows, sky_columns])) = (&passes.sky_columns, &self.sky) {
+            run(&passes.rows, sky_rows, rows);
+            run(kernel, sky_columns, columns);
+        }
+    }
 }
 
 fn texture(view: &TextureView) -> BindingResource<'_> {

@@ -3,8 +3,8 @@
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_asset::RenderAssets;
-use bevy::render::render_resource::{BindingResource, PipelineCache};
-use bevy::render::renderer::RenderContext;
+use bevy::render::render_resource::{BindGroup, BindingResource, PipelineCache, TextureView};
+use bevy::render::renderer::{RenderContext, RenderDevice};
 use bevy::render::texture::GpuImage;
 
 use super::extract::ExtractedProbes;
@@ -12,7 +12,7 @@ use super::pipelines::ProbePipelines;
 use super::prepare::ProbeBuffers;
 use super::receivers::Receivers;
 use crate::avg::{VoxelGrid, bind_grid, bind_sky};
-use crate::compute::{folded, whole};
+use crate::compute::{Kernel, folded, whole};
 use crate::scene::SceneBuffers;
 use crate::settings::GiWorldSettings;
 use crate::shadow_atlas::ShadowAtlas;
@@ -60,36 +60,56 @@ pub(super) fn light_probes(
         return;
     };
     let light = p.light(visibility);
-    let place_group = p.place.bind(&device, &cache, &[parameters.clone(), whole(&probes.places)]);
-    let light_group = light.bind(
-        &device,
-        &cache,
-        &[
-            parameters.clone(),
-            whole(&probes.places),
-            whole(&vpl.header),
-            whole(&vpl.vpls),
-            whole(&probes.light),
-            grid_uniform,
-            whole(&vpl.densities),
-        ],
-    );
-    let sky_group = p.sky.bind(&device, &cache, &[parameters.clone(), whole(&probes.places), whole(&probes.light)]);
+    let inputs = Inputs { parameters, grid: grid_uniform, probes: &probes, vpl: &vpl, image: &image.texture_view };
+    let own = inputs.bind(&p, light, &device, &cache);
     let grid_and_sky = (scene.sky_count() > 0).then(|| bind_sky(&grid, &scene, &device, &cache)).flatten();
-    let output = BindingResource::TextureView(&image.texture_view);
-    let fill_group = p.fill.bind(&device, &cache, &[parameters, whole(&probes.places), whole(&probes.light), output]);
 
     let diagnostics = ctx.diagnostic_recorder();
     let diagnostics = diagnostics.as_deref();
     let encoder = ctx.command_encoder();
     let span = diagnostics.time_span(encoder, "bounce/probes");
     let groups = folded(probes.faces().div_ceil(GROUP));
-    p.place.dispatch(encoder, &cache, &[&place_group, &grid_group], groups);
-    let with_visibility: Vec<_> = std::iter::once(&light_group).chain(&see_groups).collect();
+    p.place.dispatch(encoder, &cache, &[&own.place, &grid_group], groups);
+    let with_visibility: Vec<_> = std::iter::once(&own.light).chain(&see_groups).collect();
     light.dispatch(encoder, &cache, &with_visibility, groups);
     if let Some(grid_and_sky) = &grid_and_sky {
-        p.sky.dispatch(encoder, &cache, &[&sky_group, grid_and_sky], groups);
+        p.sky.dispatch(encoder, &cache, &[&own.sky, grid_and_sky], groups);
     }
-    p.fill.dispatch(encoder, &cache, &[&fill_group], groups);
+    p.fill.dispatch(encoder, &cache, &[&own.fill], groups);
     span.end(encoder);
+}
+
+/// What the passes read and write.
+struct Inputs<'a> {
+    parameters: BindingResource<'a>,
+    grid: BindingResource<'a>,
+    probes: &'a ProbeBuffers,
+    vpl: &'a VplBuffers,
+    /// The volume, as Bevy's shaders read it.
+    image: &'a TextureView,
+}
+
+/// Group 0 of each pass.
+struct Groups {
+    place: BindGroup,
+    light: BindGroup,
+    sky: BindGroup,
+    fill: BindGroup,
+}
+
+impl Inputs<'_> {
+    fn bind(&self, p: &ProbePipelines, light: &Kernel, device: &RenderDevice, cache: &PipelineCache) -> Groups {
+        let parameters = || self.parameters.clone();
+        let (places, faces) = (|| whole(&self.probes.places), || whole(&self.probes.light));
+        let vpl = self.vpl;
+        let lights = [whole(&vpl.header), whole(&vpl.vpls), faces(), self.grid.clone(), whole(&vpl.densities)];
+        let lit: Vec<_> = [parameters(), places()].into_iter().chain(lights).collect();
+        let image = BindingResource::TextureView(self.image);
+        Groups {
+            place: p.place.bind(device, cache, &[parameters(), places()]),
+            light: light.bind(device, cache, &lit),
+            sky: p.sky.bind(device, cache, &[parameters(), places(), faces()]),
+            fill: p.fill.bind(device, cache, &[parameters(), places(), faces(), image]),
+        }
+    }
 }

@@ -204,6 +204,11 @@ impl Materials {
         self.records.get(&id).map(|record| record.class)
     }
 
+    /// Largest component of the radiance that any emits, cd/m^2.
+    pub fn max_emission(&self) -> f32 {
+        self.table.values().iter().map(|material| material.emissive.max_element()).fold(0.0, f32::max)
+    }
+
     /// Those whose class is another than at the last call.
     pub fn take_changed(&mut self) -> HashSet<UntypedAssetId> {
         std::mem::take(&mut self.changed)

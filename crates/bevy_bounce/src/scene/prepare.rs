@@ -176,6 +176,19 @@ pub(crate) struct OccluderCounts {
     pub point_area: f32,
 }
 
+impl OccluderCounts {
+    fn of(occluders: &Occluders) -> Self {
+        let chunks = occluders.chunks.values();
+        Self {
+            chunks: chunks.len() as u32,
+            triangles: chunks.iter().map(|chunk| chunk.triangle_count).sum(),
+            error: occluders.error,
+            points: occluders.points.values().len() as u32,
+            point_area: occluders.point_area,
+        }
+    }
+}
+
 /// Buffers on a device that is new: at start, and after the old one was lost.
 pub(super) fn init_scene(
     mut commands: Commands,
@@ -243,38 +256,31 @@ pub(super) fn upload_scene(
     buffers.has_directional_lights = lights.table.values().iter().any(|light| light.kind == LIGHT_DIRECTIONAL);
     buffers.bounds = instances.bounds();
     buffers.regions.clone_from(&regions);
-    let chunks = occluders.chunks.values();
-    buffers.occluders = OccluderCounts {
-        chunks: chunks.len() as u32,
-        triangles: chunks.iter().map(|chunk| chunk.triangle_count).sum(),
-        error: occluders.error,
-        points: occluders.points.values().len() as u32,
-        point_area: occluders.point_area,
-    };
+    buffers.occluders = OccluderCounts::of(&occluders);
     buffers.pose_bytes = deform.bytes();
-    let (scene_regions, region_count) = regions.on_gpu();
+    let scene = scene_of(buffers, instances, &materials, &lights);
+    if *buffers.uniform.get() != scene || buffers.uniform.buffer().is_none() {
+        buffers.uniform.set(scene);
+        buffers.uniform.write_buffer(&device, &queue);
+    }
+}
+
+/// What shaders are told of the whole scene; bounds and regions are those in the buffers.
+fn scene_of(buffers: &SceneBuffers, instances: &Instances, materials: &Materials, lights: &Lights) -> Scene {
+    let (scene_regions, region_count) = buffers.regions.on_gpu();
     let bounds = if buffers.bounds.is_empty() { Bounds { min: Vec3::ZERO, max: Vec3::ZERO } } else { buffers.bounds };
-    let scene = Scene {
+    Scene {
         bounds_min: bounds.min,
         light_count: lights.table.values().len() as u32,
         bounds_max: bounds.max,
         light_power: lights.power,
         chunk_count: instances.chunks.values().len() as u32,
         emissive_chunk_count: instances.emissive_chunks.values().len() as u32,
-        max_emission: materials
-            .table
-            .values()
-            .iter()
-            .map(|material| material.emissive.max_element())
-            .fold(0.0, f32::max),
+        max_emission: materials.max_emission(),
         sky_count: buffers.sky_count,
         regions: scene_regions,
         region_count,
         world_chunk_count: instances.world_chunks[0],
         world_emissive_chunk_count: instances.world_chunks[1],
-    };
-    if *buffers.uniform.get() != scene || buffers.uniform.buffer().is_none() {
-        buffers.uniform.set(scene);
-        buffers.uniform.write_buffer(&device, &queue);
     }
 }

@@ -72,22 +72,7 @@ pub(super) fn init_pipelines(
     let blur_columns = spread;
 
     let apply_layout = BindGroupLayoutDescriptor::new("bounce_ssbc_apply", &[light.build(0, ShaderStages::FRAGMENT)]);
-    let apply = cache.queue_render_pipeline(RenderPipelineDescriptor {
-        label: Some("bounce_ssbc_apply".into()),
-        layout: vec![apply_layout.clone()],
-        vertex: fullscreen.to_vertex_state(),
-        fragment: Some(FragmentState {
-            shader: shaders.get("ssbc/apply.wgsl"),
-            entry_point: Some("apply".into()),
-            targets: vec![Some(ColorTargetState {
-                format: TextureFormat::Rgba16Float,
-                blend: Some(added()),
-                write_mask: ColorWrites::ALL,
-            })],
-            ..default()
-        }),
-        ..default()
-    });
+    let apply = cache.queue_render_pipeline(apply_pipeline(&apply_layout, &shaders, &fullscreen));
     commands.insert_resource(SsbcPipelines {
         radiance: [
             kernel("ssbc/radiance.wgsl", "radiance", &radiance, &[]),
@@ -105,6 +90,30 @@ pub(super) fn init_pipelines(
         apply,
         apply_layout,
     });
+}
+
+/// Adds the residual to bounced light.
+fn apply_pipeline(
+    layout: &BindGroupLayoutDescriptor,
+    shaders: &GiShaders,
+    fullscreen: &FullscreenShader,
+) -> RenderPipelineDescriptor {
+    RenderPipelineDescriptor {
+        label: Some("bounce_ssbc_apply".into()),
+        layout: vec![layout.clone()],
+        vertex: fullscreen.to_vertex_state(),
+        fragment: Some(FragmentState {
+            shader: shaders.get("ssbc/apply.wgsl"),
+            entry_point: Some("apply".into()),
+            targets: vec![Some(ColorTargetState {
+                format: TextureFormat::Rgba16Float,
+                blend: Some(added()),
+                write_mask: ColorWrites::ALL,
+            })],
+            ..default()
+        }),
+        ..default()
+    }
 }
 
 /// Light on top of what is there.

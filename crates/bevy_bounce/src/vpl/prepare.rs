@@ -93,6 +93,26 @@ impl VplBuffers {
         }
     }
 
+    /// What is too small is made anew.
+    fn make_room(&mut self, needs: &Needs, limit: u64, device: &RenderDevice) {
+        if self.emitters.size() < needs.emitters {
+            let roomy = needs.emitters.next_power_of_two().min(limit).max(needs.emitters);
+            self.emitters = storage(device, "bounce_emitters", roomy);
+        }
+        if self.bricks.size() < needs.bricks {
+            self.bricks = storage(device, "bounce_vpl_bricks", needs.bricks);
+            self.densities = storage(device, "bounce_vpl_densities", needs.bricks / u64::from(BRICK_WORDS * 4) * 8);
+        }
+        if self.triangle_lists.size() < needs.triangle_lists {
+            self.triangle_lists = storage(device, "bounce_triangle_lists", needs.roomy_triangle_lists);
+        }
+        if self.vertex_bytes <= needs.shared {
+            self.vertices = None;
+        } else if self.vertices.is_none() {
+            self.vertices = Some(storage(device, "bounce_path_vertices", self.vertex_bytes));
+        }
+    }
+
     /// Where paths were reflected: in the sums of the voxel grid, which are done with by then, where these are large enough.
     pub fn vertices<'a>(&'a self, grid: &'a VoxelGrid) -> &'a Buffer {
         self.vertices.as_ref().unwrap_or(&grid.work.sums)
@@ -151,6 +171,33 @@ fn list_bytes(voxels: u64, triangles: u64) -> u64 {
     (1 + voxels + entries * u64::from(LIST_ENTRY_WORDS)) * 4
 }
 
+/// What follows from scene and grid, bytes.
+struct Needs {
+    emitters: u64,
+    bricks: u64,
+    triangle_lists: u64,
+    /// The same with a quarter more triangles.
+    roomy_triangle_lists: u64,
+    /// That the grid lends.
+    shared: u64,
+}
+
+impl Needs {
+    /// Of bindings of `limit` bytes at most.
+    fn new(scene: &SceneBuffers, grid: Option<&VoxelGrid>, limit: u64) -> Self {
+        let voxels = grid.map_or(0, |grid| grid.world_voxels().1 / 4);
+        let triangles = u64::from(scene.chunk_count()) * u64::from(CHUNK_TRIANGLES);
+        let lists = |triangles| list_bytes(voxels, triangles).min(limit & !3);
+        Self {
+            emitters: emitter_bytes(scene.emissive_chunk_count().max(1)),
+            bricks: grid.map_or(0, |grid| u64::from(grid.brick_count())) * u64::from(BRICK_WORDS) * 4,
+            triangle_lists: lists(triangles),
+            roomy_triangle_lists: lists(triangles + triangles / 4),
+            shared: grid.map_or(0, |grid| grid.work.sums.size()),
+        }
+    }
+}
+
 pub(super) fn prepare_vpls(
     mut commands: Commands,
     device: Res<RenderDevice>,
@@ -177,34 +224,9 @@ pub(super) fn prepare_vpls(
         bound_scale: settings.bound,
     };
     let (parameters, room) = (sizes(settings.vpls), sizes(stated.0));
-    let needed = emitter_bytes(scene.emissive_chunk_count().max(1));
-    let bricks = grid.as_ref().map_or(0, |grid| u64::from(grid.brick_count()));
-    let voxels = grid.as_ref().map_or(0, |grid| grid.world_voxels().1 / 4);
-    let triangles = u64::from(scene.chunk_count()) * u64::from(CHUNK_TRIANGLES);
-    let list_limit = limit & !3;
-    let lists = list_bytes(voxels, triangles).min(list_limit);
-    let brick_words = bricks * u64::from(BRICK_WORDS);
-    let shared_bytes = grid.as_ref().map_or(0, |grid| grid.work.sums.size());
+    let needs = Needs::new(&scene, grid.as_deref(), limit);
     let prepare = |buffers: &mut VplBuffers| {
-        if buffers.emitters.size() < needed {
-            buffers.emitters = storage(&device, "bounce_emitters", needed.next_power_of_two().min(limit).max(needed));
-        }
-        if buffers.bricks.size() < brick_words * 4 {
-            buffers.bricks = storage(&device, "bounce_vpl_bricks", brick_words * 4);
-            buffers.densities = storage(&device, "bounce_vpl_densities", bricks * 8);
-        }
-        if buffers.triangle_lists.size() < lists {
-            buffers.triangle_lists = storage(
-                &device,
-                "bounce_triangle_lists",
-                list_bytes(voxels, triangles + triangles / 4).min(list_limit),
-            );
-        }
-        if buffers.vertex_bytes <= shared_bytes {
-            buffers.vertices = None;
-        } else if buffers.vertices.is_none() {
-            buffers.vertices = Some(storage(&device, "bounce_path_vertices", buffers.vertex_bytes));
-        }
+        buffers.make_room(&needs, limit, &device);
         if buffers.parameters.buffer().is_none() || buffers.parameters() != parameters {
             buffers.parameters.set(parameters);
             buffers.parameters.write_buffer(&device, &queue);
