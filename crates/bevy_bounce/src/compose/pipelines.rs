@@ -330,7 +330,9 @@ impl SpecializedRenderPipeline for ComposePipelines {
     fn specialize(&self, (key, pass): Self::Key) -> RenderPipelineDescriptor {
         let layout = self.mesh_pipeline.get_view_layout(key.into());
         let mut shader_defs = self.shader_defs(key, &layout);
-        shader_defs.retain(|def| !(pass.replaces_environment_maps() && *def == "ENVIRONMENT_MAP".into()));
+        if pass.replaces_environment_maps() {
+            shader_defs.retain(|def| *def != "ENVIRONMENT_MAP".into());
+        }
         shader_defs.extend(pass.shader_defs().map(ShaderDefVal::from));
         let (label, shader, entry_point, group_layout) = self.program(pass);
         let is_composed = matches!(pass, Pass::Compose { .. });

@@ -99,9 +99,10 @@ impl VplBuffers {
             let roomy = needs.emitters.next_power_of_two().min(limit).max(needs.emitters);
             self.emitters = storage(device, "bounce_emitters", roomy);
         }
-        if self.bricks.size() < needs.bricks {
-            self.bricks = storage(device, "bounce_vpl_bricks", needs.bricks);
-            self.densities = storage(device, "bounce_vpl_densities", needs.bricks / u64::from(BRICK_WORDS * 4) * 8);
+        let brick_bytes = needs.bricks * u64::from(BRICK_WORDS) * 4;
+        if self.bricks.size() < brick_bytes {
+            self.bricks = storage(device, "bounce_vpl_bricks", brick_bytes);
+            self.densities = storage(device, "bounce_vpl_densities", needs.bricks * 8);
         }
         if self.triangle_lists.size() < needs.triangle_lists {
             self.triangle_lists = storage(device, "bounce_triangle_lists", needs.roomy_triangle_lists);
@@ -171,9 +172,10 @@ fn list_bytes(voxels: u64, triangles: u64) -> u64 {
     (1 + voxels + entries * u64::from(LIST_ENTRY_WORDS)) * 4
 }
 
-/// What follows from scene and grid, bytes.
+/// What follows from scene and grid: bytes, but for `bricks`.
 struct Needs {
     emitters: u64,
+    /// Their number.
     bricks: u64,
     triangle_lists: u64,
     /// The same with a quarter more triangles.
@@ -190,7 +192,7 @@ impl Needs {
         let lists = |triangles| list_bytes(voxels, triangles).min(limit & !3);
         Self {
             emitters: emitter_bytes(scene.emissive_chunk_count().max(1)),
-            bricks: grid.map_or(0, |grid| u64::from(grid.brick_count())) * u64::from(BRICK_WORDS) * 4,
+            bricks: grid.map_or(0, |grid| u64::from(grid.brick_count())),
             triangle_lists: lists(triangles),
             roomy_triangle_lists: lists(triangles + triangles / 4),
             shared: grid.map_or(0, |grid| grid.work.sums.size()),
