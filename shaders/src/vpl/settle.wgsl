@@ -4,12 +4,13 @@
 // Either way goes from voxel to voxel, through the lists of the triangles in these (`triangle_lists.wgsl`).
 //
 // Cost, a bounce: one thread a path that goes on; up to fourteen voxels, and for each triangle in their lists about 30 loads and 80
-// operations, but for those that were among the last four; as much again for each hole that it passes.
+// operations, but for those that were among the last four; as much again for each hole that it passes, and once the triangle's loads and
+// a texel for what it is reflected by.
 
 #import bevy_bounce::shared::chunks::triangle_of
 #import bevy_bounce::shared::grid::{Grid, GridLevel, to_level}
 #import bevy_bounce::shared::sampling::{hash, unit_float}
-#import bevy_bounce::shared::triangles::{Triangle, surface_cover}
+#import bevy_bounce::shared::triangles::{Triangle, surface_albedo, surface_cover}
 #import bevy_bounce::vpl::triangle_lists::list_of
 #import bevy_bounce::vpl::types::{
     Vpl, VplParameters, Path, UNSETTLED, ON_TRIANGLE, NO_CELL, NO_PATH, SETTLE_RANGE, vertex_slot, settle_level, incoming_direction,
@@ -187,6 +188,8 @@ fn meet_triangles(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     if meeting.found {
         let place = way.start + way.direction * meeting.distance;
+        let albedo = surface_albedo(triangle_of(meeting.triangle, way.level), place);
+        vertices[slot].bounce_met = pack4x8unorm(vec4<f32>(albedo, 0.0));
         vertices[slot].position = way.level.origin + place * way.level.voxel_size;
         vertices[slot].normal = meeting.normal;
         paths[path].first |= ON_TRIANGLE;

@@ -9,7 +9,8 @@
 
 struct Vpl {
     position: vec3<f32>,
-    // Bounces behind it; `MET` where its light met a surface. While it is unsettled, the cell that was met.
+    // Bounces behind it; `MET` where its light met a surface. While it is unsettled, the cell that was met, or of a triangle the albedo
+    // as RGBA8.
     bounce_met: u32,
     normal: vec3<f32>,
     // Of the sequence that its path follows: the same while its light is there.

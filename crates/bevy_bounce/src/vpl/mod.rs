@@ -30,8 +30,8 @@
 //! all vertices carry about the same flux, and at a greatest length. Eight times as many paths are traced as there are lights in
 //! the list; their vertices are sorted by facing and along a Hilbert curve and cut into runs, one light each: see
 //! `vpl/cuts.wgsl`. Paths from suns and from the sky start at one of eight places, more often where they go on to meet
-//! something: see `vpl/starts.wgsl`. Where they are reflected they are set on the triangles that they met, and go on from there:
-//! see `vpl/settle.wgsl`.
+//! something: see `vpl/starts.wgsl`. Where they are reflected they are set on the triangles that they met, take on the colour that
+//! these have there, and go on: see `vpl/settle.wgsl`. Where the grid was met and no triangle, they take that of the voxel.
 
 mod counters;
 mod passes;
