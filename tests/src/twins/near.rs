@@ -6,6 +6,13 @@ use super::ssbc::{GBuffer, Lens};
 
 const ONE_PLANE: f32 = 0.95;
 const SLACK: f32 = 0.05;
+/// Cosine of 85 degrees.
+const GRAZING: f32 = 0.08715574;
+
+/// Twin of `grazing_decay` in `ssbc/common.wgsl`.
+pub fn grazing_decay(cosine: f32) -> f32 {
+    (cosine / GRAZING).clamp(0.0, 1.0).powi(2)
+}
 
 fn extent(gbuffer: &GBuffer, (position, normal, footprint): (Vec3, Vec3, f32), neighbor: IVec2) -> f32 {
     let neighbor = neighbor.clamp(IVec2::ZERO, gbuffer.size.as_ivec2() - 1);
@@ -64,6 +71,5 @@ pub fn near_light(gbuffer: &GBuffer, (position, normal): (Vec3, Vec3), bound: f3
     let (light, area) = polygon_light(corners, normal);
     let depth = gbuffer.depth(pixel.as_uvec2());
     let toward_eye = (lens.position(pixel.as_vec2() + 0.5, 2.0 * depth).0 - surface.0).normalize();
-    let decay = (surface.1.dot(toward_eye) / 10f32.to_radians().sin()).clamp(0.0, 1.0).powi(2);
-    decay * (light - bound * area).max(0.0)
+    grazing_decay(surface.1.dot(toward_eye)) * (light - bound * area).max(0.0)
 }

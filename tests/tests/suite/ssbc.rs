@@ -10,6 +10,7 @@ use bevy_bounce_tests::compose::{compose, compose_source};
 use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::layout::wgsl_layouts;
 use bevy_bounce_tests::scene::{run, run_with};
+use bevy_bounce_tests::twins::near::grazing_decay;
 use bevy_bounce_tests::twins::ssbc::{
     GBuffer, Gathered, Hierarchy, Lens, flat_sum, gather, half_texels, rgb9e5_to_vec3,
 };
@@ -97,8 +98,7 @@ impl Eye {
 /// Twin of `area_ratio` in `ssbc/radiance.wgsl`.
 fn area_ratio(forward: Vec3, direction: Vec3, normal: Vec3) -> f32 {
     let cosine = (-normal.dot(direction)).max(0.0);
-    let decay = (cosine / 10f32.to_radians().sin()).min(1.0);
-    forward.dot(direction) * decay * decay / cosine.max(1e-6)
+    forward.dot(direction) * grazing_decay(cosine) / cosine.max(1e-6)
 }
 
 impl Shape {
