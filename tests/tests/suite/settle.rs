@@ -36,19 +36,19 @@ fn scene() -> TestScene {
 }
 
 /// Lights whose paths came down, freely for so many voxels, where they are put.
-fn set(lights: &[(Vec3, f32, u32)]) -> Vec<Vpl> {
-    let scene = scene();
+fn set(scene: &TestScene, lights: &[(Vec3, f32, u32)]) -> Vec<Vpl> {
     let vpls: Vec<Vpl> = lights
         .iter()
         .map(|&(position, reach, bounce_met)| Vpl {
             position,
             bounce_met,
             normal: Vec3::X,
+            flux: Vec3::ONE,
             incoming: pack_incoming(Vec3::NEG_Y, reach),
             ..Vpl::default()
         })
         .collect();
-    settled(gpu(), &scene, &scene.grid(VOXEL), &vpls)
+    settled(gpu(), scene, &scene.grid(VOXEL), &vpls)
 }
 
 #[test]
@@ -56,7 +56,7 @@ fn lights_are_set_on_the_first_surface_that_shows_its_front() {
     // On the floor, on a square over it, through one that is masked out, through the back of one, on one with two sides.
     let heights = [(-5.0, 0.0), (-3.0, 0.1), (-1.0, 0.0), (1.0, 0.0), (3.0, 0.1)];
     let lights = heights.map(|(x, _)| (Vec3::new(x, 0.05, 0.1), 1.5, 1));
-    for (vpl, (x, height)) in set(&lights).iter().zip(heights) {
+    for (vpl, (x, height)) in set(&scene(), &lights).iter().zip(heights) {
         let place = Vec3::new(x, height, 0.1);
         assert!((vpl.position - place).length() < 1e-4 * VOXEL + 1e-6, "{} instead of {place}", vpl.position);
         assert!(vpl.normal.distance(Vec3::Y) < 1e-3, "{x}: normal {}", vpl.normal);
@@ -76,11 +76,32 @@ fn lights_stay_where_nothing_is_near() {
         // On an emissive surface.
         (Vec3::new(-3.0, 0.05, 0.1), 1.5, 0),
     ];
-    let found = set(&lights);
+    let found = set(&scene(), &lights);
     for index in [0, 1, 3] {
         assert_eq!((found[index].position, found[index].normal), (lights[index].0, Vec3::X), "light {index}");
     }
     assert!((found[2].position.y).abs() < 1e-4, "{} is not on the floor", found[2].position);
+}
+
+/// Two tiles in one voxel, each of its own colour.
+#[test]
+fn lights_have_the_colour_of_the_triangle_that_they_met() {
+    // Their brightest channel is 1: no path ends, and what it carries on is the colour itself.
+    let tiles = [(-0.08, Vec3::new(1.0, 0.2, 0.4)), (-0.04, Vec3::new(0.6, 1.0, 0.2))];
+    let mut scene = TestScene::new(Vec3::ONE);
+    for (x, color) in tiles {
+        scene.materials.push(Material { albedo: color.extend(1.0), ..scene.materials[0] });
+        let material = scene.materials.len() as u32 - 1;
+        scene.mesh(&square(Vec3::new(x, 0.0, 0.0), 0.02), material, 0, Affine3A::IDENTITY);
+    }
+    let places = tiles.map(|(x, _)| Vec3::new(x, 0.0, 0.005));
+    let grid = scene.grid(VOXEL);
+    let [first, second] = places.map(|place| ((place - grid.origin) / VOXEL).as_uvec3());
+    assert_eq!(first, second, "the tiles are not in one voxel");
+    let lights = places.map(|place| (place + 0.05 * Vec3::Y, 1.5, 1));
+    for (vpl, (x, color)) in set(&scene, &lights).iter().zip(tiles) {
+        assert!((vpl.flux - color).abs().max_element() < 0.5 / 255.0 + 1e-6, "{x}: {} instead of {color}", vpl.flux);
+    }
 }
 
 /// A closed shell, seen from both sides: an ellipsoid.
