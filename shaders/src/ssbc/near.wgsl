@@ -13,8 +13,8 @@
 
 #define_import_path bevy_bounce::ssbc::near
 
-#import bevy_bounce::interleaved::surface::{Surface, Lens, position_at, toward_eye}
-#import bevy_bounce::ssbc::common::{view, surface_texture, surface_at, grazing_decay}
+#import bevy_bounce::interleaved::surface::{Surface, Lens, position_at}
+#import bevy_bounce::ssbc::common::{surface_texture, surface_at}
 
 /// Cosine of the angle between normals up to which two pixels show one plane.
 const ONE_PLANE: f32 = 0.95;
@@ -79,9 +79,8 @@ fn depth_of_plane(lens: Lens, surface: Surface) -> vec3<f32> {
 /// Irradiance, of a pixel's radiance, from a pixel next to the receiver that is above the bound.
 fn near_light(lens: Lens, receiver: Surface, bound: f32, pixel: vec2<i32>) -> f32 {
     let surface = surface_at(lens, vec2<u32>(pixel));
-    let decay = grazing_decay(dot(surface.normal, toward_eye(view, surface.position)));
     // At an edge that turns away the middle is below the receiver's horizon, at a seam above it.
-    if decay == 0.0 || dot(receiver.normal, surface.position - receiver.position) <= 0.0 {
+    if dot(receiver.normal, surface.position - receiver.position) <= 0.0 {
         return 0.0;
     }
     let depth = depth_of_plane(lens, surface);
@@ -96,5 +95,5 @@ fn near_light(lens: Lens, receiver: Surface, bound: f32, pixel: vec2<i32>) -> f3
         corners[i] = position_at(lens, at, max(dot(depth, vec3<f32>(at, 1.0)), 1e-9)).xyz - receiver.position;
     }
     let found = polygon_light(corners, receiver.normal);
-    return decay * max(found.x - bound * found.y, 0.0);
+    return max(found.x - bound * found.y, 0.0);
 }

@@ -1,5 +1,6 @@
 // What each pixel sends to its surroundings: diffuse direct light, bounced light as far as it is known, emission. Specular
-// light and fog are not in it. With it the area of the pixel's surface: level 0 of the hierarchy.
+// light and fog are not in it. With it the area of the pixel's surface: level 0 of the hierarchy. At grazing angles the radiance
+// decays, not the area: how far off a pixel's surface reaches stays known.
 //
 // Cost: one thread a pixel, five loads; one more from the second iteration on.
 
@@ -18,12 +19,18 @@
 @group(0) @binding(6) var indirect: texture_2d<f32>;
 @group(0) @binding(7) var output: texture_storage_2d<rgba32uint, write>;
 
-// Area over that of the pixel seen head-on, decayed.
+/// Cosine below which a surface is as long as at it: nearly nothing of its radiance is left there.
+const LEAST_COSINE: f32 = 0.01;
+
+// Cosine of the angle at which a surface is seen.
+fn sight_cosine(surface: Surface) -> f32 {
+    return max(dot(surface.normal, toward_eye(view, surface.position)), 0.0);
+}
+
+// Area over that of the pixel seen head-on.
 fn area_ratio(surface: Surface) -> f32 {
     let forward = -view.world_from_view[2].xyz;
-    let direction = -toward_eye(view, surface.position);
-    let cosine = max(-dot(surface.normal, direction), 0.0);
-    return dot(forward, direction) * grazing_decay(cosine) / max(cosine, 1e-6);
+    return -dot(forward, toward_eye(view, surface.position)) / max(sight_cosine(surface), LEAST_COSINE);
 }
 
 @compute @workgroup_size(8, 8)
@@ -49,7 +56,7 @@ fn radiance(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
     let direct = textureLoad(direct_diffuse, id.xy, 0);
     irradiance *= share_of_bounced_light(direct.a);
-    let light = rgb9e5_to_vec3_(packed.g) + direct.rgb + irradiance * reflected;
+    let light = (rgb9e5_to_vec3_(packed.g) + direct.rgb + irradiance * reflected) * grazing_decay(sight_cosine(surface));
     let texel = textureLoad(surface_texture, id.xy, 0).xy;
     textureStore(output, id.xy, encode_pixel(texel, area_ratio(surface), light));
 }

@@ -6,8 +6,8 @@ use super::ssbc::{GBuffer, Lens};
 
 const ONE_PLANE: f32 = 0.95;
 const SLACK: f32 = 0.05;
-/// Cosine of 85 degrees.
-const GRAZING: f32 = 0.08715574;
+/// Cosine of 87 degrees.
+const GRAZING: f32 = 0.052335956;
 
 /// Twin of `grazing_decay` in `ssbc/common.wgsl`.
 pub fn grazing_decay(cosine: f32) -> f32 {
@@ -69,7 +69,5 @@ pub fn near_light(gbuffer: &GBuffer, (position, normal): (Vec3, Vec3), bound: f3
         lens.position(at, plane.dot(at.extend(1.0)).max(1e-9)).0 - position
     });
     let (light, area) = polygon_light(corners, normal);
-    let depth = gbuffer.depth(pixel.as_uvec2());
-    let toward_eye = (lens.position(pixel.as_vec2() + 0.5, 2.0 * depth).0 - surface.0).normalize();
-    grazing_decay(surface.1.dot(toward_eye)) * (light - bound * area).max(0.0)
+    (light - bound * area).max(0.0)
 }

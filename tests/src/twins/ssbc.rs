@@ -12,6 +12,7 @@ use super::near::near_light;
 
 const NORMAL_EDGE: f32 = 0.95;
 const PLANE_EDGE: f32 = 0.25;
+const MOST_RANGE: f32 = 0.25;
 const FLAT: f32 = 0.002;
 const BENT: f32 = 0.05;
 const LOBE_HEIGHT: f32 = 0.438_691_34;
@@ -61,6 +62,12 @@ impl Lens {
 
     fn across(&self, normal: Vec3) -> f32 {
         0.5 * (normal.dot(self.x.xyz()).abs() + normal.dot(self.y.xyz()).abs())
+    }
+
+    // Twin of `depth_range` in `ssbc/hierarchy.wgsl`, of a pixel.
+    fn depth_range(&self, position: Vec3, normal: Vec3) -> f32 {
+        let along = normal.dot(self.depth.xyz()) - normal.dot(position) * self.depth.w;
+        (self.across(normal) / along.abs().max(1e-30)).min(1.0)
     }
 }
 
@@ -133,10 +140,12 @@ impl GBuffer {
             return Node::default();
         }
         let pixel = texel.as_uvec2();
-        let Some((_, normal, edge)) = self.surface_at(pixel) else { return Node::default() };
+        let Some((position, normal, edge)) = self.surface_at(pixel) else { return Node::default() };
         let (depth, light) = (self.depth(pixel), self.radiance_at(pixel));
         let area = light.w.max(1e-4) * edge * edge;
-        Node { depth, near: depth, far: depth, area, normal, edge: false, radiance: light.xyz() }
+        let range = (2.0 * self.lens.depth_range(position, normal)).min(MOST_RANGE * depth);
+        let (near, far) = (depth + range, depth - range);
+        Node { depth, near, far, area, normal, edge: false, radiance: light.xyz() }
     }
 }
 

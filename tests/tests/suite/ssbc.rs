@@ -22,6 +22,8 @@ mod frames;
 
 const PARAMETERS: SsbcParameters = SsbcParameters { solid_angle: 0.08, edge_solid_angle: 0.04, scale: 1, reach: 1 };
 const NEAR: f32 = 0.1;
+/// As in `ssbc/radiance.wgsl`.
+const LEAST_COSINE: f32 = 0.01;
 
 /// A perspective view.
 pub struct Eye {
@@ -89,16 +91,11 @@ impl Eye {
             let clip = clip_from_world * (eye + direction * distance).extend(1.0);
             let normal = encode_unit(normal);
             surface.push([(clip.z / clip.w).to_bits(), normal]);
-            radiance.push(light.extend(area_ratio(forward, direction, decode_unit(normal))));
+            let cosine = (-decode_unit(normal).dot(direction)).max(0.0);
+            radiance.push((light * grazing_decay(cosine)).extend(forward.dot(direction) / cosine.max(LEAST_COSINE)));
         }
         GBuffer { size: self.size, lens, surface, radiance }
     }
-}
-
-/// Twin of `area_ratio` in `ssbc/radiance.wgsl`.
-fn area_ratio(forward: Vec3, direction: Vec3, normal: Vec3) -> f32 {
-    let cosine = (-normal.dot(direction)).max(0.0);
-    forward.dot(direction) * grazing_decay(cosine) / cosine.max(1e-6)
 }
 
 impl Shape {
