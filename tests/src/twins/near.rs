@@ -6,6 +6,8 @@ use super::ssbc::{GBuffer, Lens};
 
 const ONE_PLANE: f32 = 0.95;
 const SLACK: f32 = 0.05;
+const STRIP: f32 = 2.0;
+const MOST_STRIPS: f32 = 8.0;
 /// Cosine of 87 degrees.
 const GRAZING: f32 = 0.052335956;
 
@@ -60,14 +62,22 @@ pub fn near_light(gbuffer: &GBuffer, (position, normal): (Vec3, Vec3), bound: f3
     let plane = depth_of_plane(lens, surface.0, surface.1);
     let across = (plane - depth_of_plane(lens, position, normal)).abs();
     let step = if across.x > across.y { IVec2::X } else { IVec2::Y };
-    let [low, high] = [-step, step].map(|step| {
-        let middle = Vec2::splat(0.5).max(step.abs().as_vec2() * extent(gbuffer, surface, pixel + step));
-        if step.min_element() < 0 { -middle } else { middle }
+    let middle = pixel.as_vec2() + 0.5;
+    let [low, high] = [-1, 1].map(|side| {
+        let extent = extent(gbuffer, surface, pixel + side * step);
+        middle + side as f32 * Vec2::splat(0.5).max(step.as_vec2() * extent)
     });
-    let corners = [low, Vec2::new(high.x, low.y), high, Vec2::new(low.x, high.y)].map(|end| {
-        let at = pixel.as_vec2() + 0.5 + end;
-        lens.position(at, plane.dot(at.extend(1.0)).max(1e-9)).0 - position
-    });
-    let (light, area) = polygon_light(corners, normal);
-    (light - bound * area).max(0.0)
+    let toward_eye = (lens.position(middle, 2.0 * gbuffer.depth(pixel.as_uvec2())).0 - surface.0).normalize();
+    let cosine = surface.1.dot(toward_eye).max(1e-6);
+    let strips = (1.0 / (cosine * STRIP)).ceil().clamp(1.0, MOST_STRIPS);
+    let along = if plane.x.abs() > plane.y.abs() { Vec2::X } else { Vec2::Y };
+    let light_of = |strip: usize| {
+        let end = |i: usize| low + (high - low) * along * (i as f32 / strips);
+        let (low, high) = (end(strip), end(strip + 1) + (high - low) * (Vec2::ONE - along));
+        let corners = [low, Vec2::new(high.x, low.y), high, Vec2::new(low.x, high.y)]
+            .map(|at| lens.position(at, plane.dot(at.extend(1.0)).max(1e-9)).0 - position);
+        let (light, area) = polygon_light(corners, normal);
+        (light - bound * area).max(0.0)
+    };
+    (0..strips as usize).map(light_of).sum()
 }
