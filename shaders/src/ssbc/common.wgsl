@@ -39,8 +39,8 @@ fn surface_at(lens: Lens, pixel: vec2<u32>) -> Surface {
 const GRAZING: f32 = 0.052335956;
 
 /// Surfaces seen at a more grazing angle are sampled too sparsely to stand for their area: what they send decays with the
-/// square of the cosine. Novak et al. 2011, 4.3, from 80 degrees on: in a furnished room, where sills and ledges are seen so, that takes
-/// a third of what there is to give back. Here the nearest pixels are polygons (`near.wgsl`).
+/// square of the cosine. Novak et al. 2011, 4.3, from 80 degrees on: in a furnished room, where sills and ledges are seen so,
+/// that takes a third of what there is to give back. Here the nearest pixels are polygons (`near.wgsl`).
 fn grazing_decay(cosine: f32) -> f32 {
     let decay = clamp(cosine / GRAZING, 0.0, 1.0);
     return decay * decay;

@@ -13,7 +13,8 @@
 //!    lowest level of the hierarchy.
 //! 2. `reduce`, twice: six levels of the same above the pixels, each texel marked where an edge runs through it.
 //! 3. `gather`: a descent through the levels at each pixel, or at each fourth, from the few texels that hold all that can be
-//!    above the bound; pixels next to the receiver as the polygons that they show, up to the seam with its surface.
+//!    above the bound; pixels next to the receiver as the polygons that they show, up to the seam with its surface, in strips
+//!    where they are long.
 //! 4. `blur_rows`, `blur_columns`: at every pixel the mean over the tent through which the interleaved sub-images of bounded
 //!    light go. Right at a seam bounded light is too bright by what it got from pixels farther off, and there is too little of
 //!    it beside the seam; the residual is the reverse, once it went the same way. Where both are of one
@@ -43,7 +44,8 @@
 //! above the bound, and a texel that can have nothing above it anywhere within it is left out at once, by the heights of
 //! each end over the other's plane. An edge keeps the range of its depths, so that what lies near is not overlooked because
 //! the mean lies far. The descent needs no stack. The paper takes pixels for points; where surfaces touch, the light of those
-//! next to the receiver would be an accident of the raster, from nothing to half too much, along the seam in dashes.
+//! next to the receiver would be an accident of the raster, from nothing to half too much, along the seam in dashes. At grazing
+//! angles it lets areas decay, from 80 degrees on; here the radiance decays, from 87: the length of a pixel says how far it reaches.
 //!
 //! # What it cannot know
 //!
