@@ -198,7 +198,7 @@ fn corners_get_back_what_they_lost() {
 }
 
 #[test]
-#[ignore = "takes minutes on a software adapter"]
+#[ignore = "not met: 0.75 of the 0.8 that are asked here, as the mean of five numbers of lights"]
 fn corners_get_back_what_many_lights_lost() {
     let many = GiSettings::default();
     assert_given_back(many, &[1500, 1800, many.vpls, 2300, 2600], 0.9, 0.8);
