@@ -10,7 +10,7 @@
 // Form factor of a polygon: Lambert 1760, in the form of Baum et al. 1989, "Improving Radiosity Solutions through the Use of
 // Analytically Determined Form-Factors".
 //
-// Cost: four loads and some 300 operations a pixel, 200 more for each strip after the first.
+// Cost: four loads and some 300 operations a pixel, most of them once more for each strip after the first.
 
 #define_import_path bevy_bounce::ssbc::near
 
@@ -80,13 +80,14 @@ fn depth_of_plane(lens: Lens, surface: Surface) -> vec3<f32> {
     return -sight / select(along, 1e-20, abs(along) < 1e-20);
 }
 
-// Corners, relative to the receiver, of the part of a plane that lies between two points on the screen, pixels.
+// Corners, relative to the receiver, of the part of a plane that lies between two points on the screen, pixels; the plane by
+// its depth, as `depth_of_plane` has it.
 fn part_of_plane(lens: Lens, receiver: Surface, depth: vec3<f32>, low: vec2<f32>, high: vec2<f32>) -> array<vec3<f32>, 4> {
     let ends = array<vec2<f32>, 4>(low, vec2<f32>(high.x, low.y), high, vec2<f32>(low.x, high.y));
     var corners: array<vec3<f32>, 4>;
     for (var i = 0; i < 4; i++) {
-        let far = max(dot(depth, vec3<f32>(ends[i], 1.0)), 1e-9);
-        corners[i] = position_at(lens, ends[i], far).xyz - receiver.position;
+        let depth_there = max(dot(depth, vec3<f32>(ends[i], 1.0)), 1e-9);
+        corners[i] = position_at(lens, ends[i], depth_there).xyz - receiver.position;
     }
     return corners;
 }
@@ -94,8 +95,9 @@ fn part_of_plane(lens: Lens, receiver: Surface, depth: vec3<f32>, low: vec2<f32>
 /// Irradiance, of a pixel's radiance, from a pixel next to the receiver that is above the bound.
 fn near_light(lens: Lens, receiver: Surface, bound: f32, pixel: vec2<i32>) -> f32 {
     let surface = surface_at(lens, vec2<u32>(pixel));
+    let cosine = dot(surface.normal, toward_eye(view, surface.position));
     // At an edge that turns away the middle is below the receiver's horizon, at a seam above it.
-    if dot(receiver.normal, surface.position - receiver.position) <= 0.0 {
+    if cosine <= 0.0 || dot(receiver.normal, surface.position - receiver.position) <= 0.0 {
         return 0.0;
     }
     let depth = depth_of_plane(lens, surface);
@@ -104,7 +106,6 @@ fn near_light(lens: Lens, receiver: Surface, bound: f32, pixel: vec2<i32>) -> f3
     let middle = vec2<f32>(pixel) + 0.5;
     let low = middle - max(vec2<f32>(0.5), vec2<f32>(step) * extent(lens, surface, pixel - step));
     let high = middle + max(vec2<f32>(0.5), vec2<f32>(step) * extent(lens, surface, pixel + step));
-    let cosine = max(dot(surface.normal, toward_eye(view, surface.position)), 1e-6);
     let strips = clamp(ceil(1.0 / (cosine * STRIP)), 1.0, MOST_STRIPS);
     let along = select(vec2<f32>(0.0, 1.0), vec2<f32>(1.0, 0.0), abs(depth.x) > abs(depth.y));
     var light = 0.0;

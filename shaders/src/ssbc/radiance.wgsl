@@ -7,7 +7,7 @@
 #import bevy_pbr::pbr_deferred_types::unpack_unorm4x8_
 #import bevy_pbr::rgb9e5::rgb9e5_to_vec3_
 #import bevy_bounce::compose::marks::share_of_bounced_light
-#import bevy_bounce::interleaved::surface::{Surface, toward_eye}
+#import bevy_bounce::interleaved::surface::toward_eye
 #import bevy_bounce::ssbc::common::{view, surface_texture, surface_at, view_lens, grazing_decay}
 #import bevy_bounce::ssbc::hierarchy::encode_pixel
 
@@ -22,17 +22,6 @@
 /// Cosine below which a surface is as long as at it: nearly nothing of its radiance is left there.
 const LEAST_COSINE: f32 = 0.01;
 
-// Cosine of the angle at which a surface is seen.
-fn sight_cosine(surface: Surface) -> f32 {
-    return max(dot(surface.normal, toward_eye(view, surface.position)), 0.0);
-}
-
-// Area over that of the pixel seen head-on.
-fn area_ratio(surface: Surface) -> f32 {
-    let forward = -view.world_from_view[2].xyz;
-    return -dot(forward, toward_eye(view, surface.position)) / max(sight_cosine(surface), LEAST_COSINE);
-}
-
 @compute @workgroup_size(8, 8)
 fn radiance(@builtin(global_invocation_id) id: vec3<u32>) {
     let size = textureDimensions(surface_texture);
@@ -45,6 +34,10 @@ fn radiance(@builtin(global_invocation_id) id: vec3<u32>) {
         textureStore(output, id.xy, vec4<u32>(0u));
         return;
     }
+    let to_eye = toward_eye(view, surface.position);
+    let cosine = dot(surface.normal, to_eye);
+    // Over that of the pixel seen head-on.
+    let area_ratio = dot(view.world_from_view[2].xyz, to_eye) / max(cosine, LEAST_COSINE);
     // As Bevy unpacks them in bevy_pbr/src/deferred/pbr_deferred_functions.wgsl.
     let packed = textureLoad(deferred_texture, id.xy + vec2<u32>(view.main_pass_viewport.xy), 0);
     let base_color = pow(unpack_unorm4x8_(packed.r).rgb, vec3<f32>(2.2));
@@ -56,7 +49,7 @@ fn radiance(@builtin(global_invocation_id) id: vec3<u32>) {
 #endif
     let direct = textureLoad(direct_diffuse, id.xy, 0);
     irradiance *= share_of_bounced_light(direct.a);
-    let light = (rgb9e5_to_vec3_(packed.g) + direct.rgb + irradiance * reflected) * grazing_decay(sight_cosine(surface));
+    let light = (rgb9e5_to_vec3_(packed.g) + direct.rgb + irradiance * reflected) * grazing_decay(cosine);
     let texel = textureLoad(surface_texture, id.xy, 0).xy;
-    textureStore(output, id.xy, encode_pixel(texel, area_ratio(surface), light));
+    textureStore(output, id.xy, encode_pixel(texel, area_ratio, light));
 }

@@ -23,7 +23,7 @@ const BELOW: u32 = SSBC_LEVELS / 2u;
 const NORMAL_EDGE: f32 = 0.95;
 /// Distance off the plane, in edges of the texel, beyond which there is one.
 const PLANE_EDGE: f32 = 0.25;
-/// Most that a pixel's depth may vary, over that depth.
+/// Most that a pixel's depth may vary, over that depth: at the horizon it would reach to infinity.
 const MOST_RANGE: f32 = 0.25;
 const GROUP: u32 = 8u;
 

@@ -55,20 +55,20 @@ fn depth_of_plane(lens: &Lens, position: Vec3, normal: Vec3) -> Vec3 {
 /// Irradiance, of a pixel's radiance, from a pixel next to the receiver that is above the bound.
 pub fn near_light(gbuffer: &GBuffer, (position, normal): (Vec3, Vec3), bound: f32, pixel: IVec2) -> f32 {
     let Some(surface) = gbuffer.surface_at(pixel.as_uvec2()) else { return 0.0 };
-    if normal.dot(surface.0 - position) <= 0.0 {
+    let lens = &gbuffer.lens;
+    let middle = pixel.as_vec2() + 0.5;
+    let toward_eye = (lens.position(middle, 2.0 * gbuffer.depth(pixel.as_uvec2())).0 - surface.0).normalize();
+    let cosine = surface.1.dot(toward_eye);
+    if cosine <= 0.0 || normal.dot(surface.0 - position) <= 0.0 {
         return 0.0;
     }
-    let lens = &gbuffer.lens;
     let plane = depth_of_plane(lens, surface.0, surface.1);
     let across = (plane - depth_of_plane(lens, position, normal)).abs();
     let step = if across.x > across.y { IVec2::X } else { IVec2::Y };
-    let middle = pixel.as_vec2() + 0.5;
     let [low, high] = [-1, 1].map(|side| {
         let extent = extent(gbuffer, surface, pixel + side * step);
         middle + side as f32 * Vec2::splat(0.5).max(step.as_vec2() * extent)
     });
-    let toward_eye = (lens.position(middle, 2.0 * gbuffer.depth(pixel.as_uvec2())).0 - surface.0).normalize();
-    let cosine = surface.1.dot(toward_eye).max(1e-6);
     let strips = (1.0 / (cosine * STRIP)).ceil().clamp(1.0, MOST_STRIPS);
     let along = if plane.x.abs() > plane.y.abs() { Vec2::X } else { Vec2::Y };
     let light_of = |strip: usize| {

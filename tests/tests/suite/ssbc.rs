@@ -142,9 +142,8 @@ pub fn room() -> Vec<(Shape, Vec3)> {
     ]
 }
 
-// Off the middle, so that no seam passes through the middle of a pixel: which side of it that is on, rounding would say.
 fn room_eye(size: UVec2) -> Eye {
-    Eye::new(size, Vec3::new(0.013, 2.007, 8.4), Vec3::new(0.0, 2.0, 0.0), 0.65)
+    Eye::new(size, Vec3::new(0.0, 2.0, 8.4), Vec3::new(0.0, 2.0, 0.0), 0.65)
 }
 
 /// The lowest level of what pixels send.
@@ -222,7 +221,9 @@ fn difference(a: &[Vec3], b: &[Vec3]) -> (f32, f32) {
 
 #[test]
 fn the_shipped_integration_equals_its_twin_and_the_flat_sum() {
-    let eye = room_eye(UVec2::new(320, 180));
+    let mut eye = room_eye(UVec2::new(320, 180));
+    // Off the middle, where seams pass through the middles of pixels: which side of them those are on, rounding would say.
+    eye.place.translation += Vec3::new(0.013, 0.007, 0.0);
     let gbuffer = eye.look(&room());
     let hierarchy = Hierarchy::new(&gbuffer);
     for bound in [64.0, 16.0] {
