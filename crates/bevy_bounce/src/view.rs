@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | `surface` | rg32uint | bits of the reverse-z depth (0: nothing to light), octahedral world normal |
 //! | `direct` | rgba16float | direct light; alpha: whether a surface is lit, and has a lightmap, as `compose/marks.wgsl` says |
-//! | `direct_diffuse` | rgba16float | its diffuse part, and the same alpha |
+//! | `direct_diffuse` | rgba16float | its diffuse part, and the same alpha; then, where one iteration is all, what compensation adds |
 //! | `indirect` | rgba16float | irradiance of bounced light over pi |
 //! | `mirrored_sky` | rgba16float | what is mirrored of the sky and of reflection probes, but for what screen-space reflections show; how wide the lobe is, and the probes' share; where it is to be shadowed |
 //! | `sky_seen` | rg of rgba16float | share of the sky's light that is seen by a wide lobe and by a narrow one; where it is to be shadowed |
@@ -53,7 +53,7 @@ pub(crate) struct ViewTextures {
     pub surface: TextureView,
     /// All direct light.
     pub direct: TextureView,
-    /// Diffuse part of the direct light.
+    /// Diffuse part of the direct light; then, where one iteration is all, what compensation adds.
     pub direct_diffuse: TextureView,
     /// Bounced light.
     pub indirect: TextureView,
@@ -106,7 +106,7 @@ impl ViewTextures {
         let (storage, target) = (TextureUsages::STORAGE_BINDING, TextureUsages::RENDER_ATTACHMENT);
         let surface = texture("bounce_surface", TextureFormat::Rg32Uint, 1, storage);
         let light = texture("bounce_light", half, layers, storage | target);
-        let direct_diffuse = texture("bounce_direct_diffuse", half, 1, target);
+        let direct_diffuse = texture("bounce_direct_diffuse", half, 1, storage | target);
         let interleaved = texture("bounce_interleaved", half, 1, storage);
         let layer = |layer| {
             light.create_view(&TextureViewDescriptor {

@@ -34,7 +34,7 @@
 //! |---|---|---|
 //! | `hierarchy` | 20 MiB | levels of 1 to 64 pixels a texel: see `ssbc/hierarchy.wgsl` |
 //! | `residual` | 7 MiB, at half resolution 1.8 MiB | irradiance over pi that is added, rgba16float |
-//! | `at_pixels` | 7 MiB, unless it is neither blurred nor of half resolution | the same at every pixel |
+//! | `at_pixels` | 7 MiB from the second iteration on; before, it takes the place of the view's `direct_diffuse` | the same at every pixel, where it is blurred or of half resolution |
 //! | `repairs` | 3.5 MiB at half resolution | the pixels where it is integrated anew |
 //!
 //! # Where it differs from the paper

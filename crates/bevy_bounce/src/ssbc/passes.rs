@@ -81,7 +81,7 @@ impl<'a> Inputs<'a> {
         let (textures, ours) = (self.textures, self.ours);
         let levels = |first: usize, count: usize| ours.levels[first..first + count].iter().map(texture);
         let radiance = self.with([
-            texture(ours.result()),
+            texture(ours.result(textures)),
             texture(self.deferred),
             texture(&textures.direct_diffuse),
             texture(&textures.indirect),
@@ -89,7 +89,8 @@ impl<'a> Inputs<'a> {
         ]);
         let [from_pixels, from_level] = [0, LEVELS_AT_ONCE].map(|below| self.with(levels(below, 1 + LEVELS_AT_ONCE)));
         let at_pixels = |to: &'a AtPixels| {
-            let listing = |from| self.with([texture(from), texture(&to.residual), whole(&to.repairs)]);
+            let residual = to.residual(textures);
+            let listing = |from| self.with([texture(from), texture(residual), whole(&to.repairs)]);
             let to_pixels = if ours.is_blurred {
                 let rows = &textures.interleaved;
                 ToPixels::Blur([
@@ -99,7 +100,7 @@ impl<'a> Inputs<'a> {
             } else {
                 ToPixels::Spread(p.spread.bind(device, cache, &listing(&ours.residual)))
             };
-            let integrand = self.integrand(&to.residual).into_iter().chain([whole(&to.repairs)]);
+            let integrand = self.integrand(residual).into_iter().chain([whole(&to.repairs)]);
             let integrand = to.is_repaired.then(|| integrand.collect::<Vec<_>>());
             let repair = integrand.map(|integrand| p.repair.bind(device, cache, &integrand));
             AtPixelsGroups { to_pixels, repairs: to.repairs.clone(), repair }
@@ -109,7 +110,7 @@ impl<'a> Inputs<'a> {
             reduce: [p.reduce[0].bind(device, cache, &from_pixels), p.reduce[1].bind(device, cache, &from_level)],
             gather: p.gather.bind(device, cache, &self.integrand(&ours.residual)),
             at_pixels: ours.at_pixels.as_ref().map(at_pixels),
-            apply: bind_group(device, cache, &p.apply_layout, &[texture(ours.result())]),
+            apply: bind_group(device, cache, &p.apply_layout, &[texture(ours.result(textures))]),
         }
     }
 }

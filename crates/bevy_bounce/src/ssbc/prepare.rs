@@ -26,7 +26,7 @@ const REPAIR_BYTES: u64 = 4;
 /// What a view with bias compensation holds; kept from frame to frame, made anew when size or settings change.
 #[derive(Component)]
 pub(crate) struct SsbcTextures {
-    key: (UVec2, Resolution, bool),
+    key: Key,
     /// How it integrates.
     pub parameters: UniformBuffer<SsbcParameters>,
     /// All levels, from the pixels up.
@@ -45,8 +45,9 @@ pub(crate) struct SsbcTextures {
 
 /// The residual as it is added.
 pub(crate) struct AtPixels {
-    /// Of as many texels as the view has pixels.
-    pub residual: TextureView,
+    /// Of as many texels as the view has pixels. `None`: it takes the place of the view's direct diffuse light, which nothing reads
+    /// once the only iteration has.
+    residual: Option<TextureView>,
     /// Pixels at which it is integrated anew; see `ssbc/repairs.wgsl`.
     pub repairs: Buffer,
     /// Whether there may be any.
@@ -54,9 +55,12 @@ pub(crate) struct AtPixels {
 }
 
 impl AtPixels {
-    fn new(device: &RenderDevice, size: UVec2, is_repaired: bool) -> Self {
+    fn new(device: &RenderDevice, key: Key) -> Self {
+        let Key { size, is_iterated, .. } = key;
+        let is_repaired = key.resolution.pixels_a_texel() > 1;
+        let residual = || whole(&texture(device, "bounce_ssbc_at_pixels", size, 1, RESIDUAL_FORMAT));
         Self {
-            residual: whole(&texture(device, "bounce_ssbc_at_pixels", size, 1, RESIDUAL_FORMAT)),
+            residual: is_iterated.then(residual),
             repairs: device.create_buffer(&BufferDescriptor {
                 label: Some("bounce_ssbc_repairs"),
                 size: repair_bytes(size, is_repaired),
@@ -67,16 +71,22 @@ impl AtPixels {
         }
     }
 
+    /// Where it is.
+    pub fn residual<'a>(&'a self, view: &'a ViewTextures) -> &'a TextureView {
+        self.residual.as_ref().unwrap_or(&view.direct_diffuse)
+    }
+
     /// Bytes on the GPU.
     fn bytes(&self, size: UVec2) -> u64 {
-        texels(size) * RESIDUAL_BYTES + self.repairs.size()
+        let own = if self.residual.is_some() { texels(size) * RESIDUAL_BYTES } else { 0 };
+        own + self.repairs.size()
     }
 }
 
 impl SsbcTextures {
     fn new(device: &RenderDevice, queue: &RenderQueue, size: UVec2, asked: Asked) -> Self {
-        let settings = asked.settings;
-        let scale = settings.resolution.pixels_a_texel();
+        let key = asked.key(size);
+        let scale = key.resolution.pixels_a_texel();
         let residual_size = size.map(|pixels| pixels.div_ceil(scale));
         let hierarchy =
             texture(device, "bounce_ssbc_hierarchy", hierarchy_size(size), LEVELS, TextureFormat::Rgba32Uint);
@@ -90,31 +100,31 @@ impl SsbcTextures {
         let mut parameters = UniformBuffer::from(asked.parameters());
         parameters.write_buffer(device, queue);
         Self {
-            key: key(size, &settings),
+            key,
             parameters,
             hierarchy: whole(&hierarchy),
             levels: (0..LEVELS).map(level).collect(),
             residual: whole(&texture(device, "bounce_ssbc_residual", residual_size, 1, RESIDUAL_FORMAT)),
             residual_size,
-            at_pixels: (scale > 1 || settings.blur).then(|| AtPixels::new(device, size, scale > 1)),
-            is_blurred: settings.blur,
+            at_pixels: (scale > 1 || key.is_blurred).then(|| AtPixels::new(device, key)),
+            is_blurred: key.is_blurred,
         }
     }
 
     /// The residual at each pixel.
-    pub fn result(&self) -> &TextureView {
-        self.at_pixels.as_ref().map_or(&self.residual, |at_pixels| &at_pixels.residual)
+    pub fn result<'a>(&'a self, view: &'a ViewTextures) -> &'a TextureView {
+        self.at_pixels.as_ref().map_or(&self.residual, |at_pixels| at_pixels.residual(view))
     }
 
     /// Texels of a mip level of the hierarchy.
     pub fn level_size(&self, level: u32) -> UVec2 {
-        hierarchy_size(self.key.0) >> level
+        hierarchy_size(self.key.size) >> level
     }
 
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> [(&'static str, u64); 2] {
         let hierarchy: u64 = (0..LEVELS).map(|level| texels(self.level_size(level)) * NODE_BYTES).sum();
-        let size = self.key.0;
+        let size = self.key.size;
         let at_pixels = self.at_pixels.as_ref().map_or(0, |at_pixels| at_pixels.bytes(size));
         [("ssbc: hierarchy", hierarchy), ("ssbc: residual", texels(self.residual_size) * RESIDUAL_BYTES + at_pixels)]
     }
@@ -131,8 +141,15 @@ fn repair_bytes(size: UVec2, is_repaired: bool) -> u64 {
 }
 
 /// What sizes and number of the textures follow from.
-fn key(size: UVec2, settings: &SsbcSettings) -> (UVec2, Resolution, bool) {
-    (size, settings.resolution, settings.blur)
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Key {
+    /// Pixels.
+    size: UVec2,
+    /// At which it is integrated.
+    resolution: Resolution,
+    is_blurred: bool,
+    /// Whether there are more iterations than one.
+    is_iterated: bool,
 }
 
 /// What a view asks for.
@@ -147,6 +164,11 @@ impl Asked {
     fn new(view: &GiView) -> Option<Self> {
         let GiSettings { ssbc: settings, resolution: shaded, .. } = view.settings;
         (settings.iterations > 0).then_some(Self { settings, shaded })
+    }
+
+    fn key(&self, size: UVec2) -> Key {
+        let SsbcSettings { resolution, blur, iterations, .. } = self.settings;
+        Key { size, resolution, is_blurred: blur, is_iterated: iterations > 1 }
     }
 
     fn parameters(&self) -> SsbcParameters {
@@ -197,7 +219,7 @@ pub(super) fn prepare_textures(
         let asked = view.and_then(Asked::new);
         let wanted = textures.zip(asked).map(|(textures, asked)| (textures.size, asked));
         match (wanted, ours) {
-            (Some((size, asked)), Some(mut ours)) if ours.key == key(size, &asked.settings) => {
+            (Some((size, asked)), Some(mut ours)) if ours.key == asked.key(size) => {
                 let parameters = asked.parameters();
                 if *ours.parameters.get() != parameters {
                     ours.parameters.set(parameters);
