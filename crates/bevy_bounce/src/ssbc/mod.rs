@@ -34,7 +34,7 @@
 //! |---|---|---|
 //! | `hierarchy` | 20 MiB | levels of 1 to 64 pixels a texel: see `ssbc/hierarchy.wgsl` |
 //! | `residual` | 7 MiB, at half resolution 1.8 MiB | irradiance over pi that is added, rgba16float |
-//! | `at_pixels` | 7 MiB from the second iteration on; before, it takes the place of the view's `direct_diffuse` | the same at every pixel, where it is blurred or of half resolution |
+//! | `at_pixels` | 7 MiB for two iterations and more; that of a single one takes the place of the view's `direct_diffuse` | the same at every pixel, where it is blurred or of half resolution |
 //! | `repairs` | 3.5 MiB at half resolution | the pixels where it is integrated anew |
 //!
 //! # Where it differs from the paper
@@ -75,7 +75,8 @@ pub(crate) use prepare::SsbcTextures;
 #[reflect(Default)]
 pub struct SsbcSettings {
     /// Iterations, 0 to 8; 0 is off. Each costs the same, and gives back what light that is given back loses in turn: n
-    /// leave out about the (n + 1)th power of the albedo.
+    /// leave out about the (n + 1)th power of the albedo. Two and more hold eight bytes a pixel that one does not, where the result is
+    /// blurred or of half resolution.
     #[reflect(@0..=8_u32)]
     pub iterations: u32,
     /// Projected solid angle, sr, above which a group of pixels is taken apart. Less is more exact; cost grows with its

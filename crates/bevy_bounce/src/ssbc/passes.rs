@@ -1,6 +1,7 @@
 //! Iterate, then add what was found to the bounced light.
 
 use bevy::core_pipeline::prepass::ViewPrepassTextures;
+use bevy::pbr::deferred::SkipDeferredLighting;
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
@@ -167,7 +168,11 @@ impl Sizes {
 }
 
 pub(super) fn compensate(
-    view: ViewQuery<(&GiView, &ViewTextures, &SsbcTextures, &ViewPrepassTextures, &ViewUniformOffset)>,
+    view: ViewQuery<
+        (&GiView, &ViewTextures, &SsbcTextures, &ViewPrepassTextures, &ViewUniformOffset),
+        // Others have no direct light of this frame.
+        With<SkipDeferredLighting>,
+    >,
     pipelines: Option<Res<SsbcPipelines>>,
     view_uniforms: Res<ViewUniforms>,
     vpl: Option<Res<VplBuffers>>,
