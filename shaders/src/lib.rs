@@ -43,6 +43,7 @@ shaders! {
     "shared/chunks.wgsl" => [],
     "shared/overlap.wgsl" => [],
     "shared/columns.wgsl" => [],
+    "shared/polygons.wgsl" => [],
     "sort/radix.wgsl" => ["count_digits", "scan_digits", "scatter"],
     "scene/deform.wgsl" => ["deform"],
     "scene/thumbnail.wgsl" => ["average"],

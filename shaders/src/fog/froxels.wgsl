@@ -24,7 +24,7 @@
 #import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::sampling::PI
-#import bevy_bounce::vpl::bound::geometry_bound
+#import bevy_bounce::vpl::types::light_area
 #ifdef SKY
 #import bevy_bounce::interleaved::sky::{scene, lights, FAR}
 #import bevy_bounce::shared::rays::{is_blocked, to_grid, Ray}
@@ -60,9 +60,6 @@ fn phase(cosine: f32, asymmetry: f32) -> f32 {
 }
 
 fn of_lights(position: vec3<f32>, ahead: vec3<f32>) -> vec3<f32> {
-    // Where lights are sparser than on the average, and in the air, their density says nothing of the area they stand for.
-    let bound = max(header.geometry_bound, geometry_bound(header, position));
-    let radius = inverseSqrt(PI * max(bound, 1e-12));
     var sum = vec3<f32>(0.0);
     for (var i = 0u; i < header.count; i++) {
         let vpl = vpls[i];
@@ -70,6 +67,7 @@ fn of_lights(position: vec3<f32>, ahead: vec3<f32>) -> vec3<f32> {
         if height <= 0.0 {
             continue;
         }
+        let radius = sqrt(light_area(vpl) / PI);
         let above = max(height, radius);
         let to_vpl = vpl.position - position - vpl.normal * (above - height);
         let distance = length(to_vpl);

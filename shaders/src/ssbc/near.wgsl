@@ -7,14 +7,12 @@
 // subtracted from a whole polygon: what of it is above and below the bound balances. A pixel that is seen at a grazing angle is
 // long, near at one end alone: it is taken in strips.
 //
-// Form factor of a polygon: Lambert 1760, in the form of Baum et al. 1989, "Improving Radiosity Solutions through the Use of
-// Analytically Determined Form-Factors".
-//
 // Cost: four loads and some 300 operations a pixel, most of them once more for each strip after the first.
 
 #define_import_path bevy_bounce::ssbc::near
 
 #import bevy_bounce::interleaved::surface::{Surface, Lens, position_at, toward_eye}
+#import bevy_bounce::shared::polygons::polygon_light
 #import bevy_bounce::ssbc::common::{view, surface_texture, surface_at}
 
 /// Cosine of the angle between normals up to which two pixels show one plane.
@@ -31,45 +29,6 @@ fn extent(lens: Lens, surface: Surface, neighbor: vec2<i32>) -> f32 {
     let next = surface_at(lens, vec2<u32>(clamp(neighbor, vec2<i32>(0), size - 1)));
     let rises = dot(surface.normal, next.position - surface.position) > -SLACK * surface.footprint;
     return select(0.5, 1.0, next.valid && rises && dot(surface.normal, next.normal) < ONE_PLANE);
-}
-
-// Angle that an edge spans as seen from the origin, by how much it turns round an axis.
-fn edge_term(axis: vec3<f32>, a: vec3<f32>, b: vec3<f32>) -> f32 {
-    let across = cross(a, b);
-    let sine = max(length(across), 1e-20);
-    return atan2(sine, dot(a, b)) * dot(axis, across) / sine;
-}
-
-/// Irradiance, from radiance 1, at the origin of a surface of that normal, and area over its plane.
-fn polygon_light(corners: array<vec3<f32>, 4>, normal: vec3<f32>) -> vec2<f32> {
-    var polygon = corners;
-    var light = 0.0;
-    var area = vec3<f32>(0.0);
-    // Where it goes below the receiver's plane, and comes up again.
-    var down = vec3<f32>(0.0);
-    var up = vec3<f32>(0.0);
-    for (var i = 0; i < 4; i++) {
-        var a = polygon[i];
-        var b = polygon[(i + 1) % 4];
-        let heights = vec2<f32>(dot(normal, a), dot(normal, b));
-        if max(heights.x, heights.y) < 0.0 {
-            continue;
-        }
-        let crossing = mix(a, b, heights.x / select(heights.x - heights.y, 1.0, heights.x == heights.y));
-        if heights.x < 0.0 {
-            a = crossing;
-            up = crossing;
-        }
-        if heights.y < 0.0 {
-            b = crossing;
-            down = crossing;
-        }
-        light += edge_term(normal, a, b);
-        area += cross(a, b);
-    }
-    light += edge_term(normal, down, up);
-    area += cross(down, up);
-    return 0.5 * vec2<f32>(abs(light), length(area));
 }
 
 // Reverse-z depth of a surface's plane as a linear function of pixel coordinates.

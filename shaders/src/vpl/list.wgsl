@@ -1,19 +1,27 @@
 // From the order of the vertices to the list of virtual lights.
 //
 // Many more vertices are traced than the list holds. In an order in which neighbours are neighbours in space, they are cut
-// into as many runs as there is room for (`cuts.wgsl`); a run becomes one light, with all its flux, at one of its vertices, chosen in
-// proportion to flux: the same one as long as it is in the run. What a light carries is thus an average over many paths.
+// into as many runs as there is room for (`cuts.wgsl`); a run becomes one light, with all its flux. What a light carries is thus an
+// average over many paths.
+//
+// It stands at one of its vertices. One is drawn in proportion to flux, the same as long as it is in the run, and the light is at
+// the vertex nearest to half the way from there to the middle of all: what a light is off the middle of what it stands for is noise in
+// the picture, and half of that is a quarter of its variance. At the middle itself there may be nothing; half the way, of a run that
+// lies on two things, is on the side of the one that was drawn, which each is in proportion to its flux.
+//
+// The surface that it stands for is as large as the disc over which points would be as far apart as its vertices are; these and one more
+// that lies as far off as lights are apart in the mean.
 //
 // Light k of the order belongs to subset k mod 16: each of the sixteen subsets has lights from everywhere.
 //
 // How many lights there are in a brick of the grid is told by their vertices, each its part of one; of nested grids, in each that
 // holds it.
 //
-// Cost: a thread a light; two loads a vertex, and an atomic addition for each grid that holds it.
+// Cost: a thread a light; four loads a vertex, and an atomic addition for each grid that holds it.
 
 #import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::grid::{Grid, grid_level, level_at, brick_at}
-#import bevy_bounce::shared::sampling::waiting_time
+#import bevy_bounce::shared::sampling::{waiting_time, PI}
 #import bevy_bounce::vpl::types::{
     Vpl, VplHeader, VplParameters, SUBSETS, BRICK_WORDS, BRICK_LIGHTS, LIGHT_SHIFT, MET, vertex_slot, luminance,
 }
@@ -44,6 +52,36 @@ fn name_of(vertex: Vpl) -> u32 {
     return vertex_slot(parameters, vertex.sample, (bounce + bounces - 1u) % bounces);
 }
 
+// Where the vertices of a light lie, weighted by flux: sums of weights, of offsets from the first, and of their squares.
+struct Spread {
+    weight: f32,
+    offset: vec3<f32>,
+    square: f32,
+}
+
+fn middle_of(spread: Spread) -> vec3<f32> {
+    return spread.offset / max(spread.weight, 1e-30);
+}
+
+fn area_of(spread: Spread, count: u32) -> f32 {
+    let middle = middle_of(spread);
+    let variance = max(spread.square / max(spread.weight, 1e-30) - dot(middle, middle), 0.0);
+    return 2.0 * PI * variance + 1.0 / (max(header.geometry_bound, 1e-12) * f32(count));
+}
+
+// Of some vertices, the one nearest to a point.
+fn nearest_slot(first: u32, end: u32, point: vec3<f32>) -> u32 {
+    var nearest = pairs[first].y;
+    var least = 1e38;
+    for (var i = first; i < end; i++) {
+        let slot = pairs[i].y;
+        let off = distance(vertices[slot].position, point);
+        nearest = select(nearest, slot, off < least);
+        least = min(least, off);
+    }
+    return nearest;
+}
+
 @compute @workgroup_size(64)
 fn build_list(@builtin(global_invocation_id) id: vec3<u32>) {
     let light = id.x;
@@ -53,19 +91,27 @@ fn build_list(@builtin(global_invocation_id) id: vec3<u32>) {
     let first = firsts[light];
     let end = firsts[light + 1u];
     let part = (1u << LIGHT_SHIFT) / (end - first);
+    let origin = vertices[pairs[first].y].position;
     var flux = vec3<f32>(0.0);
-    var chosen = pairs[first].y;
+    var spread = Spread();
+    var drawn = origin;
     var least = 1e38;
     for (var i = first; i < end; i++) {
         let slot = pairs[i].y;
         let own = vertices[slot].flux;
-        count_in_bricks(vertices[slot].position, part);
-        let wait = waiting_time(name_of(vertices[slot]), luminance(own));
-        chosen = select(chosen, slot, wait < least);
-        least = min(least, wait);
+        let position = vertices[slot].position;
+        let weight = luminance(own);
+        let offset = position - origin;
         flux += own;
+        spread = Spread(spread.weight + weight, spread.offset + weight * offset, spread.square + weight * dot(offset, offset));
+        count_in_bricks(position, part);
+        let wait = waiting_time(name_of(vertices[slot]), weight);
+        drawn = select(drawn, position, wait < least);
+        least = min(least, wait);
     }
-    var vpl = vertices[chosen];
+    let middle = origin + middle_of(spread);
+    var vpl = vertices[nearest_slot(first, end, 0.5 * (drawn + middle))];
     vpl.flux = flux / f32(header.path_count);
+    vpl.incoming = bitcast<u32>(area_of(spread, end - first));
     vpls[header.subset_start[light % SUBSETS] + light / SUBSETS] = vpl;
 }

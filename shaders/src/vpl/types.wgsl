@@ -16,8 +16,13 @@ struct Vpl {
     // Of the sequence that its path follows: the same while its light is there.
     sample: u32,
     flux: vec3<f32>,
-    // The light's way there: see `pack_incoming`.
+    // While paths are traced, the light's way there: see `pack_incoming`. In the list, `light_area`.
     incoming: u32,
+}
+
+/// Area of the surface that a light of the list stands for, square world units.
+fn light_area(vpl: Vpl) -> f32 {
+    return bitcast<f32>(vpl.incoming);
 }
 
 /// Voxels before and behind the plane of the grid within which the surface may be that a path met in truth; and from where it starts within
