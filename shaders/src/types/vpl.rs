@@ -17,7 +17,8 @@ pub struct Vpl {
     pub sample: u32,
     /// Linear RGB flux, lumens.
     pub flux: Vec3,
-    /// Direction of the light that it reflects, octahedral, 2 snorm8; in the upper half, voxels which that had come freely, f16.
+    /// Direction of the light that it reflects, octahedral, 2 snorm8; in the upper half, voxels which that had come freely, f16. In the
+    /// list, bits of the area of the surface that it stands for, square world units.
     pub incoming: u32,
 }
 

@@ -187,13 +187,8 @@ fn assert_points_are_alike(least: usize) {
     assert_alike(&mut stage, "blended");
 }
 
+/// All but one, by which a single light makes the deferred picture brighter than it is.
 #[test]
-fn most_points_are_lit_alike_by_default() {
-    assert_points_are_alike(48);
-}
-
-#[test]
-#[ignore = "not met: 48 of 50; two are 18 and 22 % darker by probes than in the deferred picture"]
 fn points_are_lit_alike_by_default() {
     assert_points_are_alike(49);
 }

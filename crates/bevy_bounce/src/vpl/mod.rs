@@ -14,7 +14,7 @@
 //! | `firsts`, `vertex_count` | 4 KiB | first vertex of each light; how many vertices there are |
 //! | `bricks` | 8 KiB | lights in each brick of the grid, what light from the candidates falls into it, and area of groups |
 //! | `densities` | 4 KiB | lights and area of the surfaces in each brick |
-//! | `vpls` | 48 KiB | the list: position, normal, flux |
+//! | `vpls` | 48 KiB | the list: position, normal, flux, area of the surface it stands for |
 //! | `alive_count`, `alive_workgroups` | 16 B | how many paths go on; which these are is in `paths` |
 //! | `triangle_lists` | 3 MiB at 64^3 voxels, 30 B a triangle | the triangles in each voxel |
 //! | `header` | 80 B | where each of the sixteen subsets begins, paths, mean bound of the geometry term |
@@ -29,7 +29,7 @@
 //! polar angle of a reflected path as sqrt(cos x); it is acos(sqrt(1 - x)). Paths end by roulette on the albedo, so that
 //! all vertices carry about the same flux, and at a greatest length. Eight times as many paths are traced as there are lights in
 //! the list; their vertices are sorted by facing and along a Hilbert curve and cut into runs, one light each: see
-//! `vpl/cuts.wgsl`. Paths from suns and from the sky start at one of eight places, more often where they go on to meet
+//! `vpl/cuts.wgsl`; it stands near the middle of its run: see `vpl/list.wgsl`. Paths from suns and from the sky start at one of eight places, more often where they go on to meet
 //! something: see `vpl/starts.wgsl`. Where they are reflected they are set on the triangles that they met, take on the colour that
 //! these have there, and go on: see `vpl/settle.wgsl`. Where the grid was met and no triangle, they take that of the voxel.
 

@@ -144,6 +144,23 @@ fn bricks_know_their_lights_and_surfaces() {
     }
 }
 
+/// Each as large as where its vertices are spread, which is on all surfaces; some are of two walls.
+#[test]
+fn lights_stand_for_all_surfaces() {
+    let mut scene = room(Vec3::splat(0.7));
+    scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::splat(3.0)));
+    let (traced, header, list) = Traced::new(&scene, 0.1, 12).list();
+    let list = &list[..header.count as usize];
+    let areas = list.iter().map(|light| f32::from_bits(light.incoming));
+    let surfaces: f32 = scene.triangles.iter().map(|[a, b, c]| (b - a).cross(c - a).length() / 2.0).sum();
+    let share = areas.clone().sum::<f32>() / surfaces;
+    println!("lights stand for {share:.3} of the surfaces");
+    assert!((0.8..1.4).contains(&share), "{share} of the surfaces");
+    assert!(areas.clone().all(|area| area > 0.0), "a light of no area");
+    let stands = |light: &Vpl| traced.all().any(|vertex| vertex.position == light.position);
+    assert!(list.iter().all(stands), "a light stands where no path was");
+}
+
 #[test]
 fn few_vertices_are_all_in_the_list() {
     let mut scene = room(Vec3::splat(0.05));
