@@ -43,7 +43,7 @@
 //! What is scattered in one direction comes from few lights, which shows where they are sparse. Beside traced paths at
 //! fifty points of the Cornell box all are within 15 % at a `FogVolume::scattering_asymmetry` of 0, 49 at 0.5 and 48 at
 //! 0.8, Bevy's default, with [`Quality::High`](crate::Quality::High); the others are near dim surfaces; with
-//! [`Quality::Ultra`](crate::Quality::Ultra) 50, 50 and 47
+//! [`Quality::Ultra`](crate::Quality::Ultra) all of them
 //! (`cargo test --workspace --test suite -- fog_at_a_point --include-ignored --nocapture`).
 //!
 //! Bevy dims what comes to fog by the radius of its volume, which leaves little in large and dense ones; so it is here.
