@@ -117,7 +117,10 @@ fn cases() -> Vec<(View, Effect, Vec<GiSettings>)> {
         (View::Lights, Refine, steps(SMALL, [64, 256, 2048], |s, v| s.vpls = v)),
         (View::Lights, Brighten, steps(SMALL, [1, 2, 6], |s, v| s.bounces = v)),
         (View::Lights, Darken, steps(SMALL, [None, Voxel], |s, v| s.visibility = v)),
-        (View::Lights, Refine, steps(SMALL, [Ism, Voxel, Atlas, Baked], |s, v| s.visibility = v)),
+        // Which of these is nearest to a bake is chance in a box; against exact rays the suite has their order.
+        (View::Lights, Refine, steps(SMALL, [None, Ism, Baked], |s, v| s.visibility = v)),
+        (View::Lights, Refine, steps(SMALL, [None, Voxel, Baked], |s, v| s.visibility = v)),
+        (View::Lights, Refine, steps(SMALL, [None, Atlas, Baked], |s, v| s.visibility = v)),
         (View::Lights, Refine, steps(MAPPED, [8, 16, 48], |s, v| s.tile = v)),
         (View::Lights, Brighten, steps(SMALL, [0.05, 0.4, 1.0], |s, v| s.bound = v)),
         (View::Lights, Refine, steps(SMALL, [16, 64, 256], |s, v| s.sky = v)),
