@@ -145,6 +145,15 @@ fn vertex_slot(parameters: VplParameters, path: u32, index: u32) -> u32 {
 /// Subsets of the lights: a pixel of each 4x4 block is lit by one of them.
 const SUBSETS: u32 = 16u;
 
+/// The subset that lights a place, by its last two bits a coordinate, in the order of a Bayer matrix: any two, four or eight subsets
+/// in a row light places as far apart as there are. Lights that are neighbours are in subsets in a row (`cuts.wgsl`), so that the
+/// mean over few places has of each neighbourhood about its part. Bayer 1973.
+fn subset_at(place: vec2<u32>) -> u32 {
+    let high = (place >> vec2<u32>(1u)) & vec2<u32>(1u);
+    let low = place & vec2<u32>(1u);
+    return high.y | ((high.x ^ high.y) << 1u) | (low.y << 2u) | ((low.x ^ low.y) << 3u);
+}
+
 fn luminance(color: vec3<f32>) -> f32 {
     return dot(color, vec3<f32>(0.2126, 0.7152, 0.0722));
 }
