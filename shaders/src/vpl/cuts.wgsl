@@ -11,10 +11,11 @@
 //
 // Sixteen subsets of the lights each light a sixteenth of the pixels. Lights of one block of space, which are neighbours of the order,
 // go to one subset after the other, from one on that belongs to the block: each subset has lights from everywhere, and a light more or
-// less moves others of its block alone to another subset. In one row through all, it would move half of all lights, and what
-// that changes at edges, where a pixel is the mean of few, would be seen.
+// less moves only those behind it in its block to another subset. In one row through all, it would move half of all lights in
+// the mean, and what that changes at edges, where a pixel is the mean of few, would be seen.
 //
-// Cost: a thread a vertex, two binary searches through the order; then one workgroup, one load a vertex and three a light.
+// Cost: a thread a vertex, two binary searches through the order; then one workgroup, two loads a vertex and three a light, and
+// eighteen prefix sums.
 
 #import bevy_bounce::shared::grid::{Grid, COUNTER_AREA, COUNTER_AREA_STEPS}
 #import bevy_bounce::shared::groups::{exclusive_scan, folded_index, scan_total, stretch_of}
@@ -41,7 +42,7 @@
 const GROUP: u32 = 256u;
 /// Steps that a thread of `cut` adds up.
 const STEPS_A_LANE: u32 = NODE_STEPS / GROUP;
-/// Bits of a key within a block: a quarter of a grid a side.
+/// Bits of a key within a block: a quarter of the curve's edge a side, which is a quarter of a grid's longest edge, half of an inner one's.
 const BLOCK_BITS: u32 = 3u * (HILBERT_BITS - 2u);
 
 // The first vertex of the order with that key or a higher one.

@@ -116,7 +116,7 @@ fn errors(name: &str, found: &Picture, expected: &Picture) -> Vec<f64> {
     let mean = errors.iter().map(|e| e.0).sum::<f64>() / errors.len() as f64;
     let rms = (errors.iter().map(|e| e.0 * e.0).sum::<f64>() / errors.len() as f64).sqrt();
     println!("{name}: mean {mean:+.3}, root mean square {rms:.3}; worst:");
-    for (error, x, y, surface, a, b) in errors.iter().take(12) {
+    for (error, x, y, surface, a, b) in errors.iter().take(6) {
         println!("  {error:+.3} at {x}, {y} of surface {surface}: {a:.2} for {b:.2}");
     }
     errors.into_iter().map(|error| error.0).collect()
