@@ -42,8 +42,8 @@
 const GROUP: u32 = 256u;
 /// Steps that a thread of `cut` adds up.
 const STEPS_A_LANE: u32 = NODE_STEPS / GROUP;
-/// Bits of a key within a block: a quarter of the curve's edge a side, which is a quarter of a grid's longest edge, half of an inner one's.
-const BLOCK_BITS: u32 = 3u * (HILBERT_BITS - 2u);
+/// Lights of all facings that are worth a block.
+const LIGHTS_A_BLOCK: u32 = 16u;
 
 // The first vertex of the order with that key or a higher one.
 fn first_at(key: u32) -> u32 {
@@ -126,14 +126,21 @@ fn mean_bound(lights: u32) -> f32 {
     return parameters.bound_scale * f32(lights) / max(area, 1e-12);
 }
 
+// Bits of a key within a block, which is half of the curve's edge a side where there is room for 128 lights, and half of that for
+// eight times as many: with few lights a block the subsets would not be even.
+fn block_bits() -> u32 {
+    let levels = firstLeadingBit(max(parameters.capacity / LIGHTS_A_BLOCK, 1u)) / 3u;
+    return 3u * (HILBERT_BITS - min(levels, HILBERT_BITS));
+}
+
 // Of a light, by its first vertex.
 fn block_of(light: u32) -> u32 {
-    return pairs[firsts[light]].x >> BLOCK_BITS;
+    return pairs[firsts[light]].x >> block_bits();
 }
 
 // The first light of the block that one is in.
 fn first_of_block(light: u32) -> u32 {
-    let key = block_of(light) << BLOCK_BITS;
+    let key = block_of(light) << block_bits();
     var low = 0u;
     var high = light;
     while low < high {
