@@ -8,7 +8,7 @@
 #import bevy_bounce::interleaved::surface::Surface
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::vpl::bound::geometry_bound
-#import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS}
+#import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS, subset_at, sky_subset_at}
 #ifdef VISIBILITY_VOXEL
 #import bevy_bounce::shared::rays::{grid, is_blocked, to_grid, Ray}
 #endif
@@ -89,10 +89,11 @@ fn gather_sky(surface: Surface, to_eye: vec3<f32>, first: u32, step: u32) -> Gat
     return sky;
 }
 
-/// The same from a subset of both, which stands for all.
-fn gather_subset(surface: Surface, to_eye: vec3<f32>, subset: u32) -> Gathered {
+/// The same from a subset of both, which stands for all: what belongs to a place in a 4x4 block.
+fn gather_subset(surface: Surface, to_eye: vec3<f32>, place: vec2<u32>) -> Gathered {
+    let subset = subset_at(place);
     let lights = gather(surface, header.subset_start[subset], header.subset_start[subset + 1u]);
-    let sky = gather_sky(surface, to_eye, subset, SUBSETS);
+    let sky = gather_sky(surface, to_eye, sky_subset_at(place), SUBSETS);
     return Gathered(f32(SUBSETS) * lights + sky.light, sky.sky_seen);
 }
 

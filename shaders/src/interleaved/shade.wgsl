@@ -35,7 +35,7 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
     let surface = unpack_surface(textureLoad(surface_texture, pixel, 0).xy, pixel, size, view);
     var gathered = Gathered(vec3<f32>(0.0), vec2<f32>(0.0));
     if surface.valid {
-        gathered = gather_subset(surface, toward_eye(view, surface.position), offset.y * BLOCK + offset.x);
+        gathered = gather_subset(surface, toward_eye(view, surface.position), offset);
     }
     textureStore(output, texel, vec4<f32>(min(gathered.light * view.exposure, vec3<f32>(BRIGHTEST_PART)), 1.0));
 #ifdef SKY_SEEN

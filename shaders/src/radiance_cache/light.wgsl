@@ -24,7 +24,7 @@
 #import bevy_bounce::shared::scene::{Light, Scene, LIGHT_SPOT, LIGHT_DIRECTIONAL, LIGHT_RECT}
 #import bevy_bounce::shared::voxel_groups::{from_group, normal_from_group, GROUP_CELLS}
 #import bevy_bounce::vpl::bound::geometry_bound
-#import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS}
+#import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS, subset_at, sky_subset_at}
 
 @group(0) @binding(0) var<uniform> scene: Scene;
 @group(0) @binding(1) var<storage, read> lights: array<Light>;
@@ -196,8 +196,8 @@ fn light_cells(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocatio
         }
         if volume.further != 0u {
             let voxel = receiver.voxel;
-            let subset = ((voxel.x + voxel.z) & 3u) + 4u * ((voxel.y + voxel.z) & 3u);
-            further = from_virtual_lights(receiver, subset) + from_sky(receiver, subset, SUBSETS);
+            let place = voxel.xy + voxel.z;
+            further = from_virtual_lights(receiver, subset_at(place)) + from_sky(receiver, sky_subset_at(place), SUBSETS);
         } else {
             direct += from_sky(receiver, 0u, 1u);
         }

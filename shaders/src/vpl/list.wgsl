@@ -12,8 +12,6 @@
 // The surface that it stands for is as large as the disc over which points would be as far apart as its vertices are; these and one more
 // that lies as far off as lights are apart in the mean.
 //
-// Light k of the order belongs to subset k mod 16: each of the sixteen subsets has lights from everywhere.
-//
 // How many lights there are in a brick of the grid is told by their vertices, each its part of one; of nested grids, in each that
 // holds it.
 //
@@ -23,7 +21,7 @@
 #import bevy_bounce::shared::grid::{Grid, grid_level, level_at, brick_at}
 #import bevy_bounce::shared::sampling::{waiting_time, PI}
 #import bevy_bounce::vpl::types::{
-    Vpl, VplHeader, VplParameters, SUBSETS, BRICK_WORDS, BRICK_LIGHTS, LIGHT_SHIFT, MET, vertex_slot, luminance,
+    Vpl, VplHeader, VplParameters, BRICK_WORDS, BRICK_LIGHTS, LIGHT_SHIFT, MET, vertex_slot, luminance,
 }
 
 @group(0) @binding(0) var<uniform> parameters: VplParameters;
@@ -37,6 +35,8 @@
 @group(0) @binding(6) var<storage, read_write> vpls: array<Vpl>;
 // What is known of each brick of the grid, `BRICK_WORDS` each.
 @group(0) @binding(7) var<storage, read_write> bricks: array<atomic<u32>>;
+// By light of the order: its place in the list. See `cuts.wgsl`.
+@group(0) @binding(8) var<storage, read> nodes: array<u32>;
 
 fn count_in_bricks(position: vec3<f32>, part: u32) {
     for (var level = level_at(grid, position); is_within(level, grid.further_count + 1u, position.x); level++) {
@@ -113,5 +113,5 @@ fn build_list(@builtin(global_invocation_id) id: vec3<u32>) {
     var vpl = vertices[nearest_slot(first, end, 0.5 * (drawn + middle))];
     vpl.flux = flux / f32(header.path_count);
     vpl.incoming = bitcast<u32>(area_of(spread, end - first));
-    vpls[header.subset_start[light % SUBSETS] + light / SUBSETS] = vpl;
+    vpls[nodes[light]] = vpl;
 }

@@ -347,7 +347,7 @@ fn lights_settle_on_what_their_path_met() {
         let vpls: Vec<Vpl> = resources.read_structs("vpls").expect("reads back");
         let mut random = Random::new(3);
         let (mut near, mut all) = (0.0, 0.0);
-        for vpl in vpls[..header.count as usize].iter().step_by(4) {
+        for vpl in &vpls[..header.count as usize] {
             let (x, y) = vpl.normal.any_orthonormal_pair();
             for _ in 0..8 {
                 let (u, turn) = (random.unit(), random.unit() * std::f32::consts::TAU);

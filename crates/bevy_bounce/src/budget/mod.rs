@@ -68,7 +68,7 @@ const DIRECT: &str = "direct";
 const PATIENCE: u32 = 120;
 /// Fewest virtual lights that a budget leaves.
 const FEWEST_LIGHTS: u32 = 64;
-/// Virtual lights and directions of the sky come in groups of this size: the subsets of interleaved shading.
+/// Directions of the sky come in groups of this size, the subsets of interleaved shading; virtual lights are about as many in each.
 const SUBSETS: u32 = 16;
 
 /// What a budget leaves of its camera's quality; on cameras whose [`GlobalIllumination::budget`] is stated. See the [module](self).

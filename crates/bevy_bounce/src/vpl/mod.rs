@@ -10,7 +10,7 @@
 //! | `candidates` | 256 KiB | where light from places falls in which paths from suns and the sky may start |
 //! | `order` | 1.7 MiB | key and slot of each vertex, twice for the sort |
 //! | `starts` | 416 KiB | what the vertices before each weigh |
-//! | `nodes`, `steps` | 420 KiB | where the order may be cut, and how often each error of a node occurs |
+//! | `nodes`, `steps` | 420 KiB | where the order may be cut, then places of the lights in the list; how often each error occurs |
 //! | `firsts`, `vertex_count` | 4 KiB | first vertex of each light; how many vertices there are |
 //! | `bricks` | 8 KiB | lights in each brick of the grid, what light from the candidates falls into it, and area of groups |
 //! | `densities` | 4 KiB | lights and area of the surfaces in each brick |

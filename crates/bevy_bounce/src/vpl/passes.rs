@@ -145,8 +145,15 @@ impl<'a> Inputs<'a> {
             firsts.clone(),
             header.clone(),
         ]);
-        let list =
-            with_uniforms(&[self.vertices(), sorted.clone(), firsts, header, whole(&vpl.vpls), whole(&vpl.bricks)]);
+        let list = with_uniforms(&[
+            self.vertices(),
+            sorted.clone(),
+            firsts,
+            header,
+            whole(&vpl.vpls),
+            whole(&vpl.bricks),
+            whole(&vpl.nodes),
+        ]);
         let density = [self.parameters.clone(), whole(&vpl.bricks), whole(&vpl.densities)];
         LightGroups {
             order: p.scan_paths.bind(device, cache, &order),

@@ -38,7 +38,8 @@ pub(crate) struct VplBuffers {
     pub order: SortBuffers,
     /// What the vertices before each weigh, and all.
     pub starts: Buffer,
-    /// Where the order may be cut; how often each error of a node occurs, [`NODE_STEPS`] words: see `vpl/cuts.wgsl`.
+    /// Where the order may be cut, then places of the lights in the list; how often each error of a node occurs,
+    /// [`NODE_STEPS`] words: see `vpl/cuts.wgsl`.
     pub nodes: Buffer,
     pub steps: Buffer,
     /// First vertex of each light, and the end of the last.
