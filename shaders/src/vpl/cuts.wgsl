@@ -42,8 +42,8 @@
 const GROUP: u32 = 256u;
 /// Steps that a thread of `cut` adds up.
 const STEPS_A_LANE: u32 = NODE_STEPS / GROUP;
-/// Lights of all facings that are worth a block.
-const LIGHTS_A_BLOCK: u32 = 16u;
+/// Room for so many lights, of all facings: a block is as large as the curve.
+const LIGHTS_OF_ONE_BLOCK: u32 = 128u;
 
 // The first vertex of the order with that key or a higher one.
 fn first_at(key: u32) -> u32 {
@@ -126,10 +126,10 @@ fn mean_bound(lights: u32) -> f32 {
     return parameters.bound_scale * f32(lights) / max(area, 1e-12);
 }
 
-// Bits of a key within a block, which is half of the curve's edge a side where there is room for 128 lights, and half of that for
-// eight times as many: with few lights a block the subsets would not be even.
+// Bits of a key within a block. Surfaces are in four times as many where its edge is halved, and each leaves its last lights to some of the
+// subsets: so that these are even, it is halved where there are four times as many lights.
 fn block_bits() -> u32 {
-    let levels = firstLeadingBit(max(parameters.capacity / LIGHTS_A_BLOCK, 1u)) / 3u;
+    let levels = firstLeadingBit(max(parameters.capacity / LIGHTS_OF_ONE_BLOCK, 1u)) / 2u;
     return 3u * (HILBERT_BITS - min(levels, HILBERT_BITS));
 }
 
