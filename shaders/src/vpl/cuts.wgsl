@@ -42,7 +42,7 @@
 const GROUP: u32 = 256u;
 /// Steps that a thread of `cut` adds up.
 const STEPS_A_LANE: u32 = NODE_STEPS / GROUP;
-/// Room for so many lights, of all facings: a block is as large as the curve.
+/// From room for so many lights on, of all facings, and up to four times as many, a block is as large as the curve.
 const LIGHTS_OF_ONE_BLOCK: u32 = 128u;
 
 // The first vertex of the order with that key or a higher one.
