@@ -85,6 +85,7 @@ shaders! {
     "interleaved/tent.wgsl" => [],
     "interleaved/sky.wgsl" => [],
     "interleaved/gather.wgsl" => [],
+    "interleaved/near.wgsl" => ["near"],
     "interleaved/shade.wgsl" => ["shade"],
     "interleaved/filter.wgsl" => ["filter_rows", "filter_columns"],
     "probes/types.wgsl" => [],

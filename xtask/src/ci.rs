@@ -36,6 +36,7 @@ const LIMITED: [&str; 51] = [
     "masks::maps",
     "masks::rays",
     "materials::an_extended",
+    "near_lights::",
     "nested::a_scene",
     "nested::paths",
     "nested::rays",

@@ -10,7 +10,7 @@
 //! | `sky_seen` | rg of rgba16float | share of the sky's light that is seen by a wide lobe and by a narrow one; where it is to be shadowed |
 //! | `glossy` | rgba16float | bounced light convolved with the lobe of the pixel's roughness, but for what screen-space reflections show; where it is asked for |
 //! | `coat` | rgba16float | the same with that of its clearcoat; where there are radiance caches |
-//! | `interleaved` | rgba16float | bounced light, half filtered; then what compensation adds, half blurred; then bounced light averaged over frames |
+//! | `interleaved` | rgba16float | what near lights bring, then all bounced light, half filtered; then what compensation adds, half blurred; then bounced light averaged over frames |
 //!
 //! Light is pre-exposed: cd/m^2 times the view's exposure. `direct`, `indirect`, the two of the sky, `glossy` and
 //! `coat` are the layers of one array, so that the composing pass needs one binding for all: Bevy's view bindings leave
@@ -57,7 +57,7 @@ pub(crate) struct ViewTextures {
     pub direct_diffuse: TextureView,
     /// Bounced light.
     pub indirect: TextureView,
-    /// Bounced light, half filtered; then what compensation adds, half blurred; then bounced light averaged over frames.
+    /// What near lights bring; then all bounced light, half filtered; then what compensation adds, half blurred; then bounced light averaged over frames.
     pub interleaved: TextureView,
     /// Glossy bounced light, where the view asks for it.
     pub glossy: Option<TextureView>,

@@ -47,19 +47,47 @@ fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
 }
 #endif
 
-/// Irradiance over pi from the lights of a part of the list, cd/m^2.
-fn gather(surface: Surface, first: u32, end: u32) -> vec3<f32> {
-    var light = vec3<f32>(0.0);
+/// What of the geometry term counts: from there to there, 1/m^2.
+struct Band {
+    above: f32,
+    below: f32,
+}
+
+/// Part of the bound up to which the geometry term is interleaved, where the bound is not scaled; what is above that is gathered at each
+/// texel (`near.wgsl`). A sixteenth would let no light of a subset weigh more than the bound does; an eighth has nine tenths of what
+/// that takes off the noise of the Cornell box, and fewer lights are as near.
+const NEAR: f32 = 0.125;
+
+fn near_band(surface: Surface) -> Band {
     let bound = geometry_bound(header, surface.position);
+    return Band(min(NEAR * bound / max(header.bound_scale, 1e-12), bound), bound);
+}
+
+fn far_band(surface: Surface) -> Band {
+    return Band(0.0, near_band(surface).above);
+}
+
+fn whole_band(surface: Surface) -> Band {
+    return Band(0.0, geometry_bound(header, surface.position));
+}
+
+/// Of a light, 1/m^2; above 0 where it counts.
+fn geometry_term(surface: Surface, vpl: Vpl, band: Band) -> f32 {
+    let to_vpl = vpl.position - surface.position;
+    let square = max(dot(to_vpl, to_vpl), 1e-12);
+    let direction = to_vpl * inverseSqrt(square);
+    let cosines = max(dot(surface.normal, direction), 0.0) * max(-dot(vpl.normal, direction), 0.0);
+    return min(cosines / square, band.below) - band.above;
+}
+
+/// Irradiance over pi from the lights of a part of the list, cd/m^2.
+fn gather(surface: Surface, first: u32, end: u32, band: Band) -> vec3<f32> {
+    var light = vec3<f32>(0.0);
     for (var i = first; i < end; i++) {
         let vpl = vpls[i];
-        let to_vpl = vpl.position - surface.position;
-        let square = max(dot(to_vpl, to_vpl), 1e-12);
-        let direction = to_vpl * inverseSqrt(square);
-        let cosines = max(dot(surface.normal, direction), 0.0) * max(-dot(vpl.normal, direction), 0.0);
-        let geometry_term = min(cosines / square, bound);
-        if geometry_term > 0.0 && is_visible(i, vpl, surface) {
-            light += vpl.flux * geometry_term;
+        let term = geometry_term(surface, vpl, band);
+        if term > 0.0 && is_visible(i, vpl, surface) {
+            light += vpl.flux * term;
         }
     }
     return light / (PI * PI);
@@ -89,16 +117,16 @@ fn gather_sky(surface: Surface, to_eye: vec3<f32>, first: u32, step: u32) -> Gat
     return sky;
 }
 
-/// The same from a subset of both, which stands for all: what belongs to a place in a 4x4 block.
+/// The same from a subset of both, which stands for all, but for what `near.wgsl` gathers: what belongs to a place in a 4x4 block.
 fn gather_subset(surface: Surface, to_eye: vec3<f32>, place: vec2<u32>) -> Gathered {
     let subset = subset_at(place);
-    let lights = gather(surface, header.subset_start[subset], header.subset_start[subset + 1u]);
+    let lights = gather(surface, header.subset_start[subset], header.subset_start[subset + 1u], far_band(surface));
     let sky = gather_sky(surface, to_eye, sky_subset_at(place), SUBSETS);
     return Gathered(f32(SUBSETS) * lights + sky.light, sky.sky_seen);
 }
 
-/// The same from all.
+/// The same from all, with that.
 fn gather_all(surface: Surface, to_eye: vec3<f32>) -> Gathered {
     let sky = gather_sky(surface, to_eye, 0u, 1u);
-    return Gathered(gather(surface, 0u, header.count) + sky.light, sky.sky_seen);
+    return Gathered(gather(surface, 0u, header.count, whole_band(surface)) + sky.light, sky.sky_seen);
 }

@@ -1,5 +1,5 @@
-// Bounced light from a sixteenth of the virtual lights, at each pixel or at every second one of every second row. Interleaved
-// sampling, Keller & Heidrich 2001, Segovia et al. 2006; Bashford-Rogers et al. 2012, III-C.
+// Bounced light from a sixteenth of the virtual lights, at each pixel or at every second one of every second row, beside what near
+// ones bring to all (`near.wgsl`). Interleaved sampling, Keller & Heidrich 2001, Segovia et al. 2006; Bashford-Rogers et al. 2012, III-C.
 //
 // A workgroup takes 8x8 texels of one of the sixteen sub-images that the 4x4 blocks fall into, so that all its threads read
 // the same lights in the same order. The split and the join are in the addressing: no copy of the G-buffer is made.
@@ -14,8 +14,10 @@
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var surface_texture: texture_2d<u32>;
 @group(0) @binding(4) var output: texture_storage_2d<rgba16float, write>;
+// What near lights bring.
+@group(0) @binding(7) var near_texture: texture_2d<f32>;
 #ifdef SKY_SEEN
-@group(0) @binding(7) var sky_seen: texture_storage_2d<rgba16float, write>;
+@group(0) @binding(8) var sky_seen: texture_storage_2d<rgba16float, write>;
 #endif
 
 const BLOCK: u32 = 4u;
@@ -37,7 +39,8 @@ fn shade(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_id) 
     if surface.valid {
         gathered = gather_subset(surface, toward_eye(view, surface.position), offset);
     }
-    textureStore(output, texel, vec4<f32>(min(gathered.light * view.exposure, vec3<f32>(BRIGHTEST_PART)), 1.0));
+    let light = gathered.light * view.exposure + textureLoad(near_texture, texel, 0).rgb;
+    textureStore(output, texel, vec4<f32>(min(light, vec3<f32>(BRIGHTEST_PART)), 1.0));
 #ifdef SKY_SEEN
     textureStore(sky_seen, texel, vec4<f32>(gathered.sky_seen, 0.0, 1.0));
 #endif

@@ -117,4 +117,6 @@ pub struct VplHeader {
     pub geometry_bound: f32,
     /// Lights in the list.
     pub count: u32,
+    /// Scale of the bound of the geometry term.
+    pub bound_scale: f32,
 }

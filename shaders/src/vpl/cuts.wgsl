@@ -192,6 +192,7 @@ fn write_header(count: u32, in_finest_grid: u32) {
     header.subset_start[SUBSETS] = count;
     header.count = count;
     header.path_count = parameters.path_count;
+    header.bound_scale = parameters.bound_scale;
     header.geometry_bound = mean_bound(in_finest_grid);
 }
 

@@ -135,6 +135,8 @@ struct VplHeader {
     geometry_bound: f32,
     // Lights in the list.
     count: u32,
+    // Scale of all bounds.
+    bound_scale: f32,
 }
 
 /// Where vertex `index` of a path is stored.

@@ -14,6 +14,7 @@ mod history;
 mod masks;
 mod materials;
 mod metrics;
+mod near_lights;
 mod nested;
 mod octahedral;
 mod particles;

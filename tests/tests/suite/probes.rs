@@ -156,10 +156,7 @@ fn assert_alike(name: &str, found: &Picture, expected: &Picture) {
     assert!(within == errors.len() && mean.abs() < 0.05, "{name}: {within} within 15 %, mean {mean}");
 }
 
-/// With 4096 lights: of a thousand, single ones near a point weigh more than the tolerance, and probes stand elsewhere.
-#[test]
-fn what_is_not_in_the_g_buffer_is_lit_like_what_is() {
-    let settings = Quality::High.settings();
+fn assert_points_are_alike(settings: GiSettings) {
     let mut stage = stage(SIZE, settings, false);
     show(&mut stage, GiIsolate::Indirect);
     let deferred = settled(&mut stage, settings);
@@ -170,27 +167,15 @@ fn what_is_not_in_the_g_buffer_is_lit_like_what_is() {
     assert_alike("blended", &by_probes(&mut stage, settings), &deferred);
 }
 
-/// The same with the lights of the default quality: so many of fifty points are within 15 %.
-fn assert_points_are_alike(least: usize) {
-    let mut stage = stage(SIZE, medium(), false);
-    show(&mut stage, GiIsolate::Indirect);
-    let deferred = settled(&mut stage, medium());
-    let assert_alike = |stage: &mut Stage, name| {
-        let errors = errors(name, &by_probes(stage, medium()), &deferred);
-        let within = errors.iter().filter(|error| error.abs() < 0.15).count();
-        assert!(within >= least, "{name}: {within} within 15 %");
-    };
-    set_method(&mut stage, OpaqueRendererMethod::Forward);
-    assert_alike(&mut stage, "forward");
-    set_method(&mut stage, OpaqueRendererMethod::Auto);
-    cover(&mut stage);
-    assert_alike(&mut stage, "blended");
+#[test]
+fn what_is_not_in_the_g_buffer_is_lit_like_what_is() {
+    assert_points_are_alike(Quality::High.settings());
 }
 
-/// All but one, by which a single light makes the deferred picture brighter than it is.
+/// The same with the lights of the default quality.
 #[test]
 fn points_are_lit_alike_by_default() {
-    assert_points_are_alike(49);
+    assert_points_are_alike(medium());
 }
 
 /// Whole pictures of an app that stays forward: MSAA stays, and the light is that of the deferred app. With the lights of the default

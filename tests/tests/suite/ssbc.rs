@@ -142,7 +142,7 @@ pub fn room() -> Vec<(Shape, Vec3)> {
     ]
 }
 
-fn room_eye(size: UVec2) -> Eye {
+pub fn room_eye(size: UVec2) -> Eye {
     Eye::new(size, Vec3::new(0.0, 2.0, 8.4), Vec3::new(0.0, 2.0, 0.0), 0.65)
 }
 
@@ -193,11 +193,11 @@ fn gathered(eye: &Eye, gbuffer: &GBuffer, parameters: SsbcParameters, bound: f32
 }
 
 /// Workgroups of 8x8 texels.
-fn groups(texels: UVec2) -> [u32; 3] {
+pub fn groups(texels: UVec2) -> [u32; 3] {
     texels.map(|texels| texels.div_ceil(8)).extend(1).to_array()
 }
 
-fn light(resources: &Resources, texture: &str) -> Vec<Vec3> {
+pub fn light(resources: &Resources, texture: &str) -> Vec<Vec3> {
     let bytes = resources.read_texture(texture).unwrap_or_else(|error| panic!("{error}"));
     let halves: Vec<f32> = bytes.as_chunks().0.iter().map(|half| half::f16::from_le_bytes(*half).to_f32()).collect();
     halves.chunks(4).map(Vec3::from_slice).collect()
@@ -208,7 +208,7 @@ fn shipped(eye: &Eye, gbuffer: &GBuffer, parameters: SsbcParameters, bound: f32)
     light(&gathered(eye, gbuffer, parameters, bound), "residual_texture")
 }
 
-fn pixels(size: UVec2) -> impl Iterator<Item = UVec2> {
+pub fn pixels(size: UVec2) -> impl Iterator<Item = UVec2> {
     (0..size.y).flat_map(move |y| (0..size.x).map(move |x| UVec2::new(x, y)))
 }
 

@@ -1,10 +1,14 @@
 //! Interleaved shading: every pixel is lit by a sixteenth of the virtual lights, and its 4x4 neighbourhood by all.
 //! Keller & Heidrich 2001, "Interleaved Sampling"; Bashford-Rogers et al. 2012, III-C.
 //!
-//! Three compute passes: `shade` writes the irradiance of one subset into `indirect`, `filter_rows` means along rows into
-//! `interleaved`, `filter_columns` means of these along columns into `indirect` (textures of the view). Samples across edges are left
-//! out. At half resolution the first works on every second pixel of every second row, and the last lights pixels anew whose
-//! surface has hardly any of them near.
+//! Four compute passes: `near` writes what near lights bring into `interleaved`, `shade` that and the irradiance of one subset
+//! into `indirect`, `filter_rows` means along rows into `interleaved`, `filter_columns` means of these along columns into `indirect`
+//! (textures of the view). Samples across edges are left out. At half resolution the first two work on every second pixel of every
+//! second row, and the last lights pixels anew whose surface has hardly any of them near.
+//!
+//! What of the geometry term is above an eighth of its bound is not interleaved: each of these finds its few near lights among all, as
+//! in tiled shading. A light that only a sixteenth of them knew of would be a spot sixteen times as bright, which no tent
+//! hides beside an edge.
 //!
 //! Where there is a sky, each pixel also sends rays in a sixteenth of its directions: see `interleaved/sky.wgsl`. What share of its light
 //! they find is joined in the same way into `sky_seen`, for what surfaces mirror of an environment map.

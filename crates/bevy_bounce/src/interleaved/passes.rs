@@ -1,4 +1,4 @@
-//! Shade the subsets, join them.
+//! Shade by near lights and by subsets of all, join these.
 
 use bevy::prelude::*;
 use bevy::render::diagnostic::RecordDiagnostics;
@@ -18,7 +18,7 @@ use crate::vpl::VplBuffers;
 
 /// Edge of a tile of texels of one sub-image, times the edge of the 4x4 blocks.
 const TILE_TEXELS: u32 = 8 * 4;
-/// Edge of a workgroup of the filter.
+/// Edge of a workgroup of the other passes.
 const GROUP: u32 = 8;
 
 pub(super) fn shade(
@@ -91,7 +91,8 @@ impl<'a> Inputs<'a> {
         ]
     }
 
-    /// Light is shaded into `indirect`, and comes back there filtered; so does what of the sky is seen, in its own texture.
+    /// What near lights bring goes into `interleaved`. All light is shaded into `indirect`, and comes back there filtered; so does what
+    /// of the sky is seen, in its own texture.
     fn bind(
         &self,
         passes: &Passes,
@@ -100,12 +101,14 @@ impl<'a> Inputs<'a> {
         cache: &PipelineCache,
     ) -> Groups {
         let (light, between) = (&self.textures.indirect, &self.textures.interleaved);
-        let shaded = self.bindings(light).into_iter().chain(sky_seen.map(texture)).collect::<Vec<_>>();
+        let shaded: Vec<_> =
+            self.bindings(light).into_iter().chain([texture(between)]).chain(sky_seen.map(texture)).collect();
         let filter = |kernel: &Kernel, from, to| {
             let bindings = self.bindings(to).into_iter().chain([texture(from)]).collect::<Vec<_>>();
             kernel.bind(device, cache, &bindings)
         };
         Groups {
+            near: passes.near.bind(device, cache, &self.bindings(between)),
             shade: passes.shade.bind(device, cache, &shaded),
             rows: filter(&passes.rows, light, between),
             columns: filter(&passes.columns, between, light),
@@ -120,6 +123,7 @@ impl<'a> Inputs<'a> {
 
 /// Group 0 of each pass.
 struct Groups {
+    near: BindGroup,
     shade: BindGroup,
     rows: BindGroup,
     columns: BindGroup,
@@ -141,6 +145,7 @@ impl Groups {
             let groups: Vec<_> = std::iter::once(group).chain(see_groups).collect();
             kernel.dispatch(encoder, cache, &groups, workgroups.extend(1));
         };
+        run(&passes.near, &self.near, pixels.map(|pixels| pixels.div_ceil(GROUP * pixels_a_texel)));
         run(&passes.shade, &self.shade, pixels.map(|pixels| pixels.div_ceil(TILE_TEXELS * pixels_a_texel)) * 4);
         let columns = pixels.map(|pixels| pixels.div_ceil(GROUP));
         let rows = columns.with_y(pixels.y.div_ceil(GROUP * pixels_a_texel));

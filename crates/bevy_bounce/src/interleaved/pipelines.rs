@@ -37,6 +37,7 @@ pub(super) struct InterleavedPipelines(HashMap<PassesKey, Passes>);
 
 /// What runs in a view.
 pub(super) struct Passes {
+    pub near: Kernel,
     pub shade: Kernel,
     pub rows: Kernel,
     pub columns: Kernel,
@@ -61,7 +62,7 @@ impl InterleavedPipelines {
 
 impl Passes {
     fn are_ready(&self, cache: &PipelineCache) -> bool {
-        are_ready([&self.shade, &self.rows, &self.columns].into_iter().chain(&self.sky_columns), cache)
+        are_ready([&self.near, &self.shade, &self.rows, &self.columns].into_iter().chain(&self.sky_columns), cache)
     }
 
     fn new(key: PassesKey, shaders: &GiShaders) -> Self {
@@ -70,10 +71,9 @@ impl Passes {
         let surface = texture_2d(TextureSampleType::Uint);
         let light = texture_2d(TextureSampleType::Float { filterable: false });
         let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
-        // View; surface; header, list; result; grid, densities; what of the sky is seen, or light so far.
-        let shade = [uniform, surface, read, read, output, uniform, read, output];
-        let shade = &shade[..if key.sky_seen { 8 } else { 7 }];
-        let filter = &[uniform, surface, read, read, output, uniform, read, light];
+        // View; surface; header, list; result; grid, densities; light so far; what of the sky is seen.
+        let all = [uniform, surface, read, read, output, uniform, read, light, output];
+        let (near, filter, shade) = (&all[..7], &all[..8], if key.sky_seen { &all[..] } else { &all[..8] });
         let groups = visibility_layouts(key.visibility, key.sky);
         let kernel = |path, entry, bindings: &[_], sky_seen: bool| {
             let defs = key.defs().into_iter().chain(sky_seen.then(|| "SKY_SEEN".into())).collect();
@@ -81,6 +81,7 @@ impl Passes {
         };
         let columns = |sky_seen| kernel("interleaved/filter.wgsl", "filter_columns", filter, sky_seen);
         Self {
+            near: kernel("interleaved/near.wgsl", "near", near, false),
             shade: kernel("interleaved/shade.wgsl", "shade", shade, key.sky_seen),
             rows: kernel("interleaved/filter.wgsl", "filter_rows", filter, false),
             columns: columns(false),
