@@ -17,7 +17,7 @@ const DEVICE_TESTS: [&str; 5] = ["suite", "baked", "caches", "frames", "settings
 /// Tests that run with WebGPU's limits, too, by parts of their names: those of kernels, and for each technique and
 /// effect a picture in which its passes run. That all kernels are made with these limits, and that radiance caches
 /// light a scene alike with both, are tests by themselves.
-const LIMITED: [&str; 51] = [
+const LIMITED: [&str; 52] = [
     "ambient::a_forward_app",
     "ambient::an_open_floor",
     "debug::voxels_are_lit",
