@@ -6,8 +6,8 @@
 //! (textures of the view). Samples across edges are left out. At half resolution the first two work on every second pixel of every
 //! second row, and the last lights pixels anew whose surface has hardly any of them near.
 //!
-//! What of the geometry term is above an eighth of its bound is not interleaved: each of these finds its few near lights among all, as
-//! in tiled shading. A light that only a sixteenth of them knew of would be a spot sixteen times as bright, which no tent
+//! What of the geometry term is above an eighth of its bound is not interleaved: each pixel that is shaded finds its few near lights
+//! among all, as in tiled shading. A light that only a sixteenth of them knew of would be a spot sixteen times as bright, which no tent
 //! hides beside an edge.
 //!
 //! Where there is a sky, each pixel also sends rays in a sixteenth of its directions: see `interleaved/sky.wgsl`. What share of its light
