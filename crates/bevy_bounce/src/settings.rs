@@ -91,9 +91,12 @@ pub struct GiSettings {
     pub bounces: u32,
     /// What a virtual light can see.
     pub visibility: VplVisibility,
-    /// Edge of a virtual light's shadow map, texels: 8 to 48, a multiple of four. Four bytes a texel and light; memory
-    /// and the cost of filling it grow with its square, and contact shadows become sharper in proportion.
-    #[reflect(@8..=48_u32)]
+    /// Edge of a virtual light's shadow map, texels: 8 to 256, a multiple of four. Four bytes a texel and light; memory
+    /// and the cost of filling it grow with its square, and contact shadows become sharper in proportion. Above 48 each
+    /// map is drawn in parts of that edge, which look at all triangles each. Smaller where the maps of all lights do not
+    /// fit into a binding (128 MiB where a device has WebGPU's limits: 180 with 1024 lights), and 64 at most where maps
+    /// are drawn from points.
+    #[reflect(@8..=256_u32)]
     pub tile: u32,
     /// Scale of the bound of the geometry term, which by itself is that of two surfaces at the distance between lights
     /// (their number over the area of the surfaces around the point that is lit): 0.01 to 100. Higher keeps more light
@@ -311,7 +314,7 @@ impl Quality {
                 vpls: custom.vpls.clamp(16, 65536),
                 bounces: custom.bounces.clamp(1, 31),
                 visibility: custom.visibility,
-                tile: custom.tile.clamp(8, 48) & !3,
+                tile: custom.tile.clamp(8, 256) & !3,
                 bound: if custom.bound.is_finite() { custom.bound.clamp(0.01, 100.0) } else { 1.0 },
                 probes: if custom.probes == 0 { 0 } else { custom.probes.clamp(4, 64) },
                 sky: (custom.sky.min(256) + 15) & !15,

@@ -2,7 +2,7 @@
 //
 // Cost: one load a pixel.
 
-#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, tile_words, texel_depth}
+#import bevy_bounce::shadow_atlas::tile::{AtlasParameters, TILE_EMPTY, word_of, texel_depth}
 #import bevy_bounce::vpl::types::VplHeader
 
 @group(0) @binding(0) var<uniform> parameters: AtlasParameters;
@@ -23,8 +23,7 @@ fn show_atlas(@builtin(global_invocation_id) id: vec3<u32>) {
     let light = place.y * columns + place.x;
     var color = vec3<f32>(0.0);
     if place.x < columns && light < header.count {
-        let texel = id.xy % parameters.tile;
-        let word = atlas[light * tile_words(parameters) + texel.y * parameters.tile + texel.x];
+        let word = atlas[word_of(parameters, light, id.xy % parameters.tile)];
         let near = 1.0 - min(texel_depth(word, parameters.far) / parameters.far, 1.0);
         color = select(vec3<f32>(near * near), EMPTY, word == TILE_EMPTY);
     }

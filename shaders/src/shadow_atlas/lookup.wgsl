@@ -5,7 +5,7 @@
 #define_import_path bevy_bounce::shadow_atlas::lookup
 
 #import bevy_bounce::shadow_atlas::tile::{
-    AtlasParameters, TILE_EMPTY, DEPTH_STEPS, tile_frame, to_tile, texel_direction, tile_words, texel_depth, texel_error,
+    AtlasParameters, TILE_EMPTY, DEPTH_STEPS, tile_frame, to_tile, texel_direction, word_of, texel_depth, texel_error,
     texel_normal,
 }
 #import bevy_bounce::vpl::types::Vpl
@@ -28,7 +28,7 @@ fn atlas_visible(light: u32, vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -
     let to_surface = (position - vpl.position) * frame;
     let edge = f32(parameters.tile);
     let texel = min(vec2<u32>(to_tile(to_surface) * edge), vec2<u32>(parameters.tile - 1u));
-    let word = atlas[light * tile_words(parameters) + texel.y * parameters.tile + texel.x];
+    let word = atlas[word_of(parameters, light, texel)];
     let depth = texel_depth(word, parameters.far);
     let off = to_surface - texel_direction(texel, parameters.tile) * depth;
     let bias = ROUNDING / DEPTH_STEPS * parameters.far + texel_error(word, parameters.error);

@@ -1,6 +1,6 @@
 // A shadow map for every virtual light. Keller 1997; Bashford-Rogers et al. 2012, III-C.
 //
-// A workgroup a light, its tile in workgroup memory. A texel is covered by a triangle where its direction lies on the inner side
+// A workgroup a light, its tile in workgroup memory; of tiles above 48 x 48 texels, one a part of that size. A texel is covered by a triangle where its direction lies on the inner side
 // of the three planes through the light and the edges (Olano & Greer 1997): exact, straight and without gaps on the octahedron
 // as on any projection, with nothing to clip. A thread projects a triangle and fills it if it is small; large ones are
 // filled by all threads together, block by block of texels, of which each thread has its own whatever the triangle.
@@ -10,13 +10,13 @@
 //
 // Masked triangles leave texels out where they have holes: see `masks.wgsl`.
 //
-// Cost: a light and triangle about 200 operations, a texel in the triangle's box about 20; within a triangle a
+// Cost: a part and triangle about 200 operations, a texel in the triangle's box about 20; within a triangle a
 // comparison, and where that is masked some 60 operations.
 
 #import bevy_bounce::shadow_atlas::masks::{Cover, part_at, is_there}
 #import bevy_bounce::shadow_atlas::tile::{
-    AtlasParameters, TILE_EMPTY, OWN_PLANE, SAME_FACING, ERROR_STEPS, tile_frame, to_tile, from_tile, tile_words, depth_bits,
-    surface_bits, error_of,
+    AtlasParameters, Part, TILE_EMPTY, OWN_PLANE, SAME_FACING, ERROR_STEPS, PART_TEXELS, part_of, part_texel, part_index, tile_frame,
+    to_tile, from_tile, word_of, depth_bits, surface_bits, error_of,
 }
 #import bevy_bounce::shadow_atlas::types::{
     Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT, OCCLUDER_MOST_SHIFT, OCCLUDER_NAME_SHIFT,
@@ -39,8 +39,6 @@
 #endif
 
 const GROUP: u32 = 64u;
-/// Largest tile, texels: 9 KiB of a workgroup's 16.
-const MAX_TILE_TEXELS: u32 = 2304u;
 /// Texels in the box of a triangle that one thread fills.
 const INLINE_TEXELS: i32 = 8;
 /// Edge of a block of texels, one a thread: the root of `GROUP`.
@@ -60,12 +58,13 @@ struct Seen {
     plane: vec3<f32>,
     // What of a texel's word is the same all over the triangle.
     surface: u32,
-    // First and last texel; none where the last is before the first.
+    // First and last texel of the part; none where the last is before the first.
     low: vec2<i32>,
     high: vec2<i32>,
 }
 
-var<workgroup> nearest: array<atomic<u32>, MAX_TILE_TEXELS>;
+// Of the part.
+var<workgroup> nearest: array<atomic<u32>, PART_TEXELS>;
 // Large triangles: those without holes from the front, those with holes from the back.
 var<workgroup> large: array<Seen, GROUP>;
 var<workgroup> large_count: atomic<u32>;
@@ -105,8 +104,8 @@ fn is_inside(weights: vec3<f32>, along: f32) -> bool {
     return (min(weights.x, min(weights.y, weights.z)) >= 0.0) & (along > 0.0);
 }
 
-// Texels whose centres lie in the box of what is above the horizon.
-fn texel_box(seen: ptr<function, Seen>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) {
+// The part's texels whose centres lie in the box of what is above the horizon.
+fn texel_box(seen: ptr<function, Seen>, part: Part, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) {
     var box = Box(vec2<f32>(2.0), vec2<f32>(-1.0));
     include(&box, a);
     include(&box, b);
@@ -123,8 +122,9 @@ fn texel_box(seen: ptr<function, Seen>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>
         }
     }
     let edge = f32(parameters.tile);
-    let last = vec2<i32>(i32(parameters.tile) - 1);
-    (*seen).low = max(vec2<i32>(ceil(box.low * edge - 0.501)), vec2<i32>(0));
+    let first = vec2<i32>(part.low);
+    let last = vec2<i32>(part.low + part.size) - 1;
+    (*seen).low = max(vec2<i32>(ceil(box.low * edge - 0.501)), first);
     (*seen).high = min(vec2<i32>(floor(box.high * edge - 0.499)), last);
 }
 
@@ -134,7 +134,7 @@ fn nothing_seen() -> Seen {
     return seen;
 }
 
-fn project(occluder: Occluder, eye: vec3<f32>, frame: mat3x3<f32>, light_name: u32) -> Seen {
+fn project(occluder: Occluder, part: Part, eye: vec3<f32>, frame: mat3x3<f32>, light_name: u32) -> Seen {
     let a = (occluder.a - eye) * frame;
     let b = (occluder.b - eye) * frame;
     let c = (occluder.c - eye) * frame;
@@ -161,7 +161,7 @@ fn project(occluder: Occluder, eye: vec3<f32>, frame: mat3x3<f32>, light_name: u
     seen.most = (occluder.flags >> OCCLUDER_MOST_SHIFT) & 255u;
     seen.cover = occluder.cover;
     seen.name = (occluder.flags >> OCCLUDER_NAME_SHIFT) ^ light_name;
-    texel_box(&seen, a, b, c);
+    texel_box(&seen, part, a, b, c);
     return seen;
 }
 
@@ -184,23 +184,23 @@ fn word_at(seen: Seen, x: i32, y: i32, has_holes: bool) -> u32 {
 }
 
 // By one thread, beside others that fill other triangles.
-fn fill_small(seen: Seen) {
+fn fill_small(seen: Seen, part: Part) {
     for (var y = seen.low.y; y <= seen.high.y; y++) {
         for (var x = seen.low.x; x <= seen.high.x; x++) {
             let word = word_at(seen, x, y, seen.most != 0u);
             if word != TILE_EMPTY {
-                atomicMin(&nearest[y * i32(parameters.tile) + x], word);
+                atomicMin(&nearest[part_index(part, vec2<u32>(vec2<i32>(x, y)))], word);
             }
         }
     }
 }
 
 // By all threads: `own` is the thread's texel of each block.
-fn fill_large(seen: Seen, own: vec2<i32>, has_holes: bool) {
+fn fill_large(seen: Seen, part: Part, own: vec2<i32>, has_holes: bool) {
     let low = seen.low & vec2<i32>(-BLOCK);
     for (var y = low.y + own.y; y <= seen.high.y; y += BLOCK) {
         for (var x = low.x + own.x; x <= seen.high.x; x += BLOCK) {
-            let i = y * i32(parameters.tile) + x;
+            let i = part_index(part, vec2<u32>(vec2<i32>(x, y)));
             let word = select(word_at(seen, x, y, has_holes), TILE_EMPTY, x < seen.low.x || y < seen.low.y);
             atomicStore(&nearest[i], min(atomicLoad(&nearest[i]), word));
         }
@@ -208,15 +208,15 @@ fn fill_large(seen: Seen, own: vec2<i32>, has_holes: bool) {
 }
 
 #ifdef BAKED
-fn first_word(light: u32, texel: u32) -> u32 {
-    return atlas[light * tile_words(parameters) + texel];
+fn first_word(light: u32, texel: vec2<u32>) -> u32 {
+    return atlas[word_of(parameters, light, texel)];
 }
 
 fn known_object(light: u32) -> u32 {
     return eyes[light].x;
 }
 #else
-fn first_word(light: u32, texel: u32) -> u32 {
+fn first_word(light: u32, texel: vec2<u32>) -> u32 {
     return TILE_EMPTY;
 }
 
@@ -232,9 +232,10 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
         return;
     }
     let vpl = vpls[light];
-    let texels = parameters.tile * parameters.tile;
+    let part = part_of(parameters.tile, group.z);
+    let texels = part.size.x * part.size.y;
     for (var i = lane; i < texels; i += GROUP) {
-        atomicStore(&nearest[i], first_word(light, i));
+        atomicStore(&nearest[i], first_word(light, part_texel(part, i)));
     }
     workgroupBarrier();
     let eye = vpl.position;
@@ -249,12 +250,12 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
             let occluder = occluders[first + lane];
             var seen = nothing_seen();
             if known == NONE || occluder.object != known {
-                seen = project(occluder, eye, frame, light_name);
+                seen = project(occluder, part, eye, frame, light_name);
             }
             let size = seen.high - seen.low + 1;
             if size.x > 0 && size.y > 0 {
                 if size.x * size.y <= INLINE_TEXELS {
-                    fill_small(seen);
+                    fill_small(seen, part);
                 } else {
                     if seen.most == 0u {
                         large[atomicAdd(&large_count, 1u)] = seen;
@@ -267,12 +268,12 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
         workgroupBarrier();
         let count = atomicLoad(&large_count);
         for (var k = 0u; k < count; k++) {
-            fill_large(large[k], own, false);
+            fill_large(large[k], part, own, false);
         }
         // Apart from the others, so that these do not pay for holes.
         let masked = atomicLoad(&masked_count);
         for (var k = 0u; k < masked; k++) {
-            fill_large(large[GROUP - 1u - k], own, true);
+            fill_large(large[GROUP - 1u - k], part, own, true);
         }
         workgroupBarrier();
         if lane == 0u {
@@ -283,6 +284,6 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     }
 
     for (var i = lane; i < texels; i += GROUP) {
-        atlas[light * tile_words(parameters) + i] = atomicLoad(&nearest[i]);
+        atlas[word_of(parameters, light, part_texel(part, i))] = atomicLoad(&nearest[i]);
     }
 }

@@ -35,6 +35,34 @@ struct AtlasParameters {
     error: f32,
 }
 
+/// Largest edge of what one workgroup draws of a tile, texels: 9 KiB of its 16. Whole blocks of 8 x 8, and quarters of quarters.
+const PART_EDGE: u32 = 48u;
+const PART_TEXELS: u32 = PART_EDGE * PART_EDGE;
+
+// What one workgroup draws of a tile, texels of that: from `low` to before `low + size`.
+struct Part {
+    low: vec2<u32>,
+    size: vec2<u32>,
+}
+
+/// Parts are in rows.
+fn part_of(tile: u32, index: u32) -> Part {
+    let parts = (tile + PART_EDGE - 1u) / PART_EDGE;
+    let low = vec2<u32>(index % parts, index / parts) * PART_EDGE;
+    return Part(low, min(vec2<u32>(PART_EDGE), tile - low));
+}
+
+/// Of the part's texels, row by row, the one there.
+fn part_texel(part: Part, index: u32) -> vec2<u32> {
+    return part.low + vec2<u32>(index % part.size.x, index / part.size.x);
+}
+
+/// The reverse.
+fn part_index(part: Part, texel: vec2<u32>) -> u32 {
+    let own = texel - part.low;
+    return own.y * part.size.x + own.x;
+}
+
 /// Columns: tangent, bitangent, normal.
 fn tile_frame(normal: vec3<f32>) -> mat3x3<f32> {
     let tangent = any_tangent(normal);
@@ -61,6 +89,11 @@ fn texel_direction(texel: vec2<u32>, tile: u32) -> vec3<f32> {
 /// Words of a tile.
 fn tile_words(parameters: AtlasParameters) -> u32 {
     return parameters.tile * parameters.tile;
+}
+
+/// Where the word of a light's texel is.
+fn word_of(parameters: AtlasParameters, light: u32, texel: vec2<u32>) -> u32 {
+    return light * tile_words(parameters) + texel.y * parameters.tile + texel.x;
 }
 
 /// A surface at a depth in world units, with the [`OccluderChunk::error`] of what casts; of two, the lower word is the nearer.

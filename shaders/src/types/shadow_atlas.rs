@@ -42,8 +42,8 @@ pub struct OccluderChunk {
 /// Texel of the shadow atlas where nothing is.
 pub const TILE_EMPTY: u32 = 0xffff_ffff;
 
-/// Largest tile of the shadow atlas, texels.
-pub const MAX_TILE_TEXELS: u32 = 2304;
+/// Largest edge of what one workgroup draws of a tile, texels: twin of `PART_EDGE` in `shadow_atlas/tile.wgsl`.
+pub const PART_EDGE: u32 = 48;
 
 /// Sizes of the shadow atlas.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]

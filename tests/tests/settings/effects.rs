@@ -121,7 +121,7 @@ fn cases() -> Vec<(View, Effect, Vec<GiSettings>)> {
         (View::Lights, Refine, steps(SMALL, [None, Ism, Baked], |s, v| s.visibility = v)),
         (View::Lights, Refine, steps(SMALL, [None, Voxel, Baked], |s, v| s.visibility = v)),
         (View::Lights, Refine, steps(SMALL, [None, Atlas, Baked], |s, v| s.visibility = v)),
-        (View::Lights, Refine, steps(MAPPED, [8, 16, 48], |s, v| s.tile = v)),
+        (View::Lights, Refine, steps(MAPPED, [8, 16, 96], |s, v| s.tile = v)),
         (View::Lights, Brighten, steps(SMALL, [0.05, 0.4, 1.0], |s, v| s.bound = v)),
         (View::Lights, Refine, steps(SMALL, [16, 64, 256], |s, v| s.sky = v)),
         (View::Lights, Smooth, steps(SMALL, [Full, Half], |s, v| s.resolution = v)),

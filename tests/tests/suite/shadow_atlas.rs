@@ -7,6 +7,8 @@ use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::scene::{TestScene, cuboid, run, settled};
 use bevy_bounce_tests::twins::random::Random;
 
+use crate::agreement::parts;
+
 const TILE: u32 = 32;
 const LIGHTS: usize = 96;
 const VOXEL: f32 = 0.1;
@@ -42,8 +44,8 @@ fn surface_points(scene: &TestScene, random: &mut Random, count: usize) -> Vec<(
 }
 
 /// Lights of the normals given, a little off their surfaces, and their maps.
-fn draw(scene: &TestScene, lights: &[(Vec3, Vec3)], random: &mut Random) -> Resources {
-    draw_coarse(scene, lights, random, 0.0, |_| 0)
+fn draw(scene: &TestScene, lights: &[(Vec3, Vec3)], random: &mut Random, tile: u32) -> Resources {
+    draw_coarse(scene, lights, random, tile, 0.0, |_| 0)
 }
 
 /// The same where what casts may be off its surface: by how much at most, and how far each instance goes towards that.
@@ -51,6 +53,7 @@ fn draw_coarse(
     scene: &TestScene,
     lights: &[(Vec3, Vec3)],
     random: &mut Random,
+    tile: u32,
     error: f32,
     steps: impl Fn(u32) -> u32,
 ) -> Resources {
@@ -59,7 +62,7 @@ fn draw_coarse(
         chunk.error = steps(chunk.instance);
     }
     let (low, high) = scene.bounds();
-    let parameters = AtlasParameters { tile: TILE, occluder_count, far: (high - low).length(), point_area: 0.0, error };
+    let parameters = AtlasParameters { tile, occluder_count, far: (high - low).length(), point_area: 0.0, error };
     let vpls: Vec<Vpl> = lights
         .iter()
         .map(|&(position, normal)| Vpl {
@@ -81,9 +84,9 @@ fn draw_coarse(
         .structs("occluders", &vec![Occluder::default(); occluder_count as usize])
         .structs("header", &[header])
         .structs("vpls", &vpls)
-        .zeroed("atlas", vpls.len() * (TILE * TILE) as usize);
+        .zeroed("atlas", vpls.len() * (tile * tile) as usize);
     run(gpu(), "shadow_atlas/occluders.wgsl", "place_occluders", &resources, [chunks.len() as u32, 1, 1]);
-    run(gpu(), "shadow_atlas/rasterize.wgsl", "rasterize", &resources, [vpls.len() as u32, 1, 1]);
+    run(gpu(), "shadow_atlas/rasterize.wgsl", "rasterize", &resources, [vpls.len() as u32, 1, parts(tile)]);
     resources
 }
 
@@ -118,9 +121,19 @@ pub fn tile_frame(n: Vec3) -> [Vec3; 3] {
 
 #[test]
 fn every_texel_holds_the_distance_of_a_ray() {
+    check_texels(TILE, LIGHTS);
+}
+
+/// Nine parts, of which five have 48 x 4 texels and fewer.
+#[test]
+fn every_texel_of_a_map_in_parts_holds_the_distance_of_a_ray() {
+    check_texels(100, 12);
+}
+
+fn check_texels(tile: u32, count: usize) {
     let (scene, mut random) = (scene(), Random::new(3));
-    let lights = surface_points(&scene, &mut random, LIGHTS);
-    let resources = draw(&scene, &lights, &mut random);
+    let lights = surface_points(&scene, &mut random, count);
+    let resources = draw(&scene, &lights, &mut random, tile);
     let vpls: Vec<Vpl> = resources.read_structs("vpls").expect("reads back");
     let words = resources.read_words("atlas").expect("reads back");
     let (low, high) = scene.bounds();
@@ -135,11 +148,11 @@ fn every_texel_holds_the_distance_of_a_ray() {
             "light {light} is {above} above its surface, {aside} off its place"
         );
         let [x, y, z] = tile_frame(vpl.normal);
-        for texel in 0..TILE * TILE {
-            let place = (Vec2::new((texel % TILE) as f32, (texel / TILE) as f32) + 0.5) / TILE as f32;
+        for texel in 0..tile * tile {
+            let place = (Vec2::new((texel % tile) as f32, (texel / tile) as f32) + 0.5) / tile as f32;
             let d = from_tile(place);
             let direction = (x * d.x + y * d.y + z * d.z).normalize();
-            let word = words[light * (TILE * TILE) as usize + texel as usize];
+            let word = words[light * (tile * tile) as usize + texel as usize];
             let exact = nearest(&scene, vpl.position, direction, 1e-4);
             let agree = match exact {
                 Some(distance) => (((word >> 18) as f32 - distance / far * 16383.0).abs()) < 2.0,
@@ -148,7 +161,7 @@ fn every_texel_holds_the_distance_of_a_ray() {
             wrong += usize::from(!agree);
         }
     }
-    let texels = LIGHTS * (TILE * TILE) as usize;
+    let texels = count * (tile * tile) as usize;
     assert!(wrong * 2000 < texels, "{wrong} of {texels} texels hold another distance than the ray's");
 }
 
@@ -190,7 +203,7 @@ fn each_mesh_has_an_error_of_its_own() {
     let lights: Vec<(Vec3, Vec3)> = [-1.5, -0.5, 0.5, 1.5].map(|x| (Vec3::new(x, 0.0, 0.1), Vec3::Y)).into();
     let mut random = Random::new(7);
     // The floor's instance comes first.
-    let resources = draw_coarse(&scene, &lights, &mut random, ERROR, |instance| instance.saturating_sub(1));
+    let resources = draw_coarse(&scene, &lights, &mut random, TILE, ERROR, |instance| instance.saturating_sub(1));
     let heights = [0.02, 0.07, 0.13, 0.19, 0.3, 0.42];
     let pairs: Vec<(usize, Vec3, Vec3)> = (0..lights.len())
         .flat_map(|light| heights.map(|height| (light, lights[light].0 + Vec3::Y * (1.0 + height), Vec3::NEG_Y)))
@@ -206,7 +219,7 @@ fn each_mesh_has_an_error_of_its_own() {
 fn maps_agree_with_exact_rays() {
     let (scene, mut random) = (scene(), Random::new(5));
     let lights = surface_points(&scene, &mut random, LIGHTS);
-    let resources = draw(&scene, &lights, &mut random);
+    let resources = draw(&scene, &lights, &mut random, TILE);
     let points = surface_points(&scene, &mut random, 20_000);
     let pairs: Vec<(usize, Vec3, Vec3)> = points
         .into_iter()

@@ -119,6 +119,6 @@ pub(super) fn draw_atlas(
         p.draw_baked.dispatch(encoder, &cache, &[&eyes.draw, &eyes.maps], folded(lights));
     }
     place.dispatch(encoder, &cache, &[&place_group], place_groups);
-    draw.dispatch(encoder, &cache, &[&draw_group], folded(lights));
+    draw.dispatch(encoder, &cache, &[&draw_group], folded(lights).with_z(atlas.parts()));
     span.end(encoder);
 }

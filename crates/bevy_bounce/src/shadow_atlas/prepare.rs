@@ -3,11 +3,11 @@
 use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy_bounce_shaders::types::{AtlasParameters, Occluder, WorldPoint};
+use bevy_bounce_shaders::types::{AtlasParameters, Occluder, PART_EDGE, WorldPoint};
 
 use crate::VplVisibility;
 use crate::avg::VoxelGrid;
-use crate::scene::{LARGEST_ERROR, SceneBuffers};
+use crate::scene::{LARGEST_ERROR, SceneBuffers, map_edge};
 use crate::settings::{GiWorldSettings, StatedLights};
 
 /// The shadow maps of all virtual lights; there while a camera asks for them and what casts is fine enough.
@@ -24,6 +24,11 @@ pub(crate) struct ShadowAtlas {
 }
 
 impl ShadowAtlas {
+    /// Parts in which each tile is drawn.
+    pub fn parts(&self) -> u32 {
+        self.parameters.get().tile.div_ceil(PART_EDGE).pow(2)
+    }
+
     /// Names and sizes of what is held on the GPU, bytes.
     pub fn bytes(&self) -> [(&'static str, u64); 2] {
         [
@@ -71,7 +76,7 @@ pub(super) fn prepare_atlas(
         return;
     };
     let limit = device.limits().max_storage_buffer_binding_size;
-    let tile = fitting_tile(settings.tile, stated.0, limit);
+    let tile = fitting_tile(map_edge(&settings), stated.0, limit);
     let diagonal = scene.bounds().map_or(1.0, |bounds| (bounds.max - bounds.min).length());
     let counts = scene.occluders();
     let parameters = AtlasParameters {
@@ -118,6 +123,7 @@ mod tests {
         assert_eq!(fitting_tile(32, 1024, limit), 32);
         assert_eq!(fitting_tile(48, 65536, limit), 20);
         assert_eq!(fitting_tile(48, 8192, limit), 48);
+        assert_eq!(fitting_tile(256, 1024, limit), 180);
         assert_eq!(fitting_tile(8, 65536, 1), 4);
     }
 }
