@@ -142,8 +142,9 @@ fn near(
     let surface = surface_at(id.xy);
     let part = select(1u, 0u, is_same_surface(surface_at(group.xy * EDGE + EDGE / 2u), surface));
     let band = near_band(surface);
+    let has_near = surface.valid && band.above < band.below;
     var own = NOTHING;
-    if surface.valid && band.above < band.below {
+    if has_near {
         own = Bounds(surface.position, band.above, surface.position, surface.normal, surface.normal);
     }
     let amid = join_all(own, lane, part == 0u);
@@ -156,7 +157,10 @@ fn near(
         marks[1][lane] = marked.y;
         workgroupBarrier();
         // What is dear, seeing, is not in the loop that looks for the next light.
-        var search = Search(0u, marks[part][0], 0u, 0.0);
+        var search = Search(THREADS, 0u, 0u, 0.0);
+        if has_near {
+            search = Search(0u, marks[part][0], 0u, 0.0);
+        }
         loop {
             search = next(search, first, part, surface, band);
             if search.term <= 0.0 {

@@ -189,7 +189,7 @@ fn fill_small(seen: Seen, part: Part) {
         for (var x = seen.low.x; x <= seen.high.x; x++) {
             let word = word_at(seen, x, y, seen.most != 0u);
             if word != TILE_EMPTY {
-                atomicMin(&nearest[part_index(part, vec2<u32>(vec2<i32>(x, y)))], word);
+                atomicMin(&nearest[part_index(part, vec2<i32>(x, y))], word);
             }
         }
     }
@@ -200,7 +200,7 @@ fn fill_large(seen: Seen, part: Part, own: vec2<i32>, has_holes: bool) {
     let low = seen.low & vec2<i32>(-BLOCK);
     for (var y = low.y + own.y; y <= seen.high.y; y += BLOCK) {
         for (var x = low.x + own.x; x <= seen.high.x; x += BLOCK) {
-            let i = part_index(part, vec2<u32>(vec2<i32>(x, y)));
+            let i = part_index(part, vec2<i32>(x, y));
             let word = select(word_at(seen, x, y, has_holes), TILE_EMPTY, x < seen.low.x || y < seen.low.y);
             atomicStore(&nearest[i], min(atomicLoad(&nearest[i]), word));
         }

@@ -70,8 +70,8 @@ fn splat(point: WorldPoint, vpl: Vpl, frame: mat3x3<f32>, part: Part) {
     let high = min(max(vec2<i32>(floor(middle + around - 0.5)), own), vec2<i32>(part.low + part.size) - 1);
     for (var y = low.y; y <= high.y; y++) {
         for (var x = low.x; x <= high.x; x++) {
-            let texel = vec2<u32>(vec2<i32>(x, y));
-            let direction = texel_direction(texel, parameters.tile);
+            let texel = vec2<i32>(x, y);
+            let direction = texel_direction(vec2<u32>(texel), parameters.tile);
             let slope = -dot(facing, direction);
             let depth = abs(height) / max(slope, 1e-6);
             let off = direction * depth - to;

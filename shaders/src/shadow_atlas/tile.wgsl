@@ -43,13 +43,16 @@ const PART_TEXELS: u32 = PART_EDGE * PART_EDGE;
 struct Part {
     low: vec2<u32>,
     size: vec2<u32>,
+    // Index of the tile's first texel, were it part of it.
+    origin: i32,
 }
 
 /// Parts are in rows.
 fn part_of(tile: u32, index: u32) -> Part {
     let parts = (tile + PART_EDGE - 1u) / PART_EDGE;
     let low = vec2<u32>(index % parts, index / parts) * PART_EDGE;
-    return Part(low, min(vec2<u32>(PART_EDGE), tile - low));
+    let size = min(vec2<u32>(PART_EDGE), tile - low);
+    return Part(low, size, -i32(low.y * size.x + low.x));
 }
 
 /// Of the part's texels, row by row, the one there.
@@ -58,9 +61,8 @@ fn part_texel(part: Part, index: u32) -> vec2<u32> {
 }
 
 /// The reverse.
-fn part_index(part: Part, texel: vec2<u32>) -> u32 {
-    let own = texel - part.low;
-    return own.y * part.size.x + own.x;
+fn part_index(part: Part, texel: vec2<i32>) -> i32 {
+    return part.origin + texel.y * i32(part.size.x) + texel.x;
 }
 
 /// Columns: tangent, bitangent, normal.

@@ -240,12 +240,7 @@ impl Agreement {
             exact.iter().zip(seen).filter(|(exact, seen)| pass(**exact, **seen)).count() as f64 / exact.len() as f64
         };
         let agree = share(&|exact, seen| exact == seen);
-        Self {
-            agree,
-            all: 1.0 - facing * (1.0 - agree),
-            exact: share(&|exact, _| exact),
-            seen: share(&|_, seen| seen),
-        }
+        Self { agree, all: 1.0 - facing * (1.0 - agree), exact: share(&|exact, _| exact), seen: share(&|_, seen| seen) }
     }
 }
 
