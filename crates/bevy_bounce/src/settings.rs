@@ -3,6 +3,7 @@
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
+use bevy_bounce_shaders::types::PART_EDGE;
 
 use crate::compute::MAX_WORKGROUPS;
 use crate::{CssmReceivers, CssmSettings, GiBudget, GiIsolate, RadianceCacheSettings, SsbcSettings};
@@ -92,10 +93,10 @@ pub struct GiSettings {
     /// What a virtual light can see.
     pub visibility: VplVisibility,
     /// Edge of a virtual light's shadow map, texels: 8 to 256, a multiple of four. Four bytes a texel and light; memory
-    /// and the cost of filling it grow with its square, and contact shadows become sharper in proportion. Above 48 each
-    /// map is drawn in parts of that edge, which look at all triangles each. Smaller where the maps of all lights do not
-    /// fit into a binding (128 MiB where a device has WebGPU's limits: 180 with 1024 lights), and 64 at most where maps
-    /// are drawn from points.
+    /// and the cost of filling it grow with its square, and contact shadows become sharper in proportion. Above 48 a map
+    /// is drawn in parts of at most that edge, 4 at 96 and 36 at 256, each of which looks at all triangles: these are as
+    /// many times fewer. Smaller where the maps of all lights do not fit into a binding (128 MiB where a device has
+    /// WebGPU's limits: 180 with 1024 lights), and 96 at most where they are drawn from points.
     #[reflect(@8..=256_u32)]
     pub tile: u32,
     /// Scale of the bound of the geometry term, which by itself is that of two surfaces at the distance between lights
@@ -159,10 +160,13 @@ impl Resolution {
     }
 }
 
-/// Virtual lights times triangles that are drawn into their shadow maps.
+/// Virtual lights times triangles that are drawn into their shadow maps, and times the parts of these.
 const OCCLUSION_BUDGET: u32 = 1 << 25;
 /// The same at most, where coarser versions of the meshes would be too far off.
 const LARGEST_OCCLUSION_BUDGET: u32 = 1 << 28;
+
+/// Largest edge of a map that is drawn from points, texels: 589,824 points for all lights, 16.5 MB in both buffers.
+const LARGEST_POINT_MAP: u32 = 96;
 
 /// How far around the camera light is fine by default, world units.
 const RANGE: f32 = 40.0;
@@ -231,6 +235,16 @@ impl GiSettings {
         self.radiance_cache.glossy || self.cssm.glossy
     }
 
+    /// Edge of a virtual light's map, texels, before it shrinks to what a binding holds.
+    pub(crate) fn map_edge(&self) -> u32 {
+        self.tile.min(if self.visibility == VplVisibility::Ism { LARGEST_POINT_MAP } else { u32::MAX })
+    }
+
+    /// Workgroups that draw such a map.
+    pub(crate) fn map_parts(&self) -> u32 {
+        self.map_edge().div_ceil(PART_EDGE).pow(2)
+    }
+
     /// Whether the voxels are lit.
     pub(crate) fn lights_grid(&self) -> bool {
         self.radiance_cache.glossy
@@ -238,11 +252,11 @@ impl GiSettings {
 }
 
 impl StatedLights {
-    /// Triangles that cast shadows, and how many these may be where so few would be too coarse: levels of detail are chosen accordingly.
-    /// One dispatch places them, a workgroup a mesh or more.
-    pub fn occluders(&self) -> OccluderBudget {
-        let [few, many] =
-            [OCCLUSION_BUDGET, LARGEST_OCCLUSION_BUDGET].map(|pairs| (pairs / self.0.max(1)).min(MAX_WORKGROUPS));
+    /// Triangles that cast shadows into maps of that many parts, and how many these may be where so few would be too coarse: levels of
+    /// detail are chosen accordingly. One dispatch places them, a workgroup a mesh or more.
+    pub fn occluders(&self, parts: u32) -> OccluderBudget {
+        let maps = self.0.max(1) * parts;
+        let [few, many] = [OCCLUSION_BUDGET, LARGEST_OCCLUSION_BUDGET].map(|pairs| (pairs / maps).min(MAX_WORKGROUPS));
         OccluderBudget { few, many }
     }
 }
@@ -268,7 +282,7 @@ pub enum VplVisibility {
     /// triangles. Coarse: bounced light is too dark in large scenes.
     Ism,
     /// A shadow map over the hemisphere of every virtual light, into which the scene's triangles are drawn; of large meshes, a
-    /// coarser version. Triangles times lights are bounded: by 34 million while the coarser versions are no more than a voxel off, else by
+    /// coarser version. Triangles times lights (and parts, see `tile`) are bounded: by 34 million while the coarser versions are no more than a voxel off, else by
     /// 268 million, and by 65,535 triangles. Where even so many would be coarser, lights see as with `Voxel`.
     #[default]
     Atlas,

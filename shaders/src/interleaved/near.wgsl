@@ -157,6 +157,7 @@ fn near(
         marks[1][lane] = marked.y;
         workgroupBarrier();
         // What is dear, seeing, is not in the loop that looks for the next light.
+        // At its end where nothing is near.
         var search = Search(THREADS, 0u, 0u, 0.0);
         if has_near {
             search = Search(0u, marks[part][0], 0u, 0.0);

@@ -1,9 +1,10 @@
 // A shadow map for every virtual light. Keller 1997; Bashford-Rogers et al. 2012, III-C.
 //
-// A workgroup a light, its tile in workgroup memory; of tiles above 48 x 48 texels, one a part of that size. A texel is covered by a triangle where its direction lies on the inner side
-// of the three planes through the light and the edges (Olano & Greer 1997): exact, straight and without gaps on the octahedron
-// as on any projection, with nothing to clip. A thread projects a triangle and fills it if it is small; large ones are
-// filled by all threads together, block by block of texels, of which each thread has its own whatever the triangle.
+// A workgroup draws a light's tile in its own memory; of tiles above 48 x 48 texels, a part of at most that size. A texel is covered
+// by a triangle where its direction lies on the inner side of the three planes through the light and the edges (Olano & Greer 1997):
+// exact, straight and without gaps on the octahedron as on any projection, with nothing to clip. A thread projects a triangle and fills
+// it if it is small; large ones are filled by all threads together, block by block of texels, of which each thread has its own whatever
+// the triangle.
 //
 // With `BAKED` a light that is on a baked object knows from its bake what it sees of that: its tile is there, and the
 // object's triangles are left out.
@@ -15,8 +16,8 @@
 
 #import bevy_bounce::shadow_atlas::masks::{Cover, part_at, is_there}
 #import bevy_bounce::shadow_atlas::tile::{
-    AtlasParameters, Part, TILE_EMPTY, OWN_PLANE, SAME_FACING, ERROR_STEPS, PART_TEXELS, part_of, part_texel, part_index, tile_frame,
-    to_tile, from_tile, word_of, depth_bits, surface_bits, error_of,
+    AtlasParameters, Part, TILE_EMPTY, OWN_PLANE, SAME_FACING, ERROR_STEPS, PART_TEXELS, part_of, part_texel, part_index, light_name,
+    tile_frame, to_tile, from_tile, word_of, depth_bits, surface_bits, error_of,
 }
 #import bevy_bounce::shadow_atlas::types::{
     Occluder, OCCLUDER_TWO_SIDED, OCCLUDER_ERROR_SHIFT, OCCLUDER_MOST_SHIFT, OCCLUDER_NAME_SHIFT,
@@ -26,7 +27,7 @@
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::sampling::hash
 #import bevy_bounce::shared::scene::NONE
-#import bevy_bounce::vpl::types::{Vpl, VplHeader, MET}
+#import bevy_bounce::vpl::types::{Vpl, VplHeader}
 
 @group(0) @binding(0) var<uniform> parameters: AtlasParameters;
 @group(0) @binding(1) var<uniform> grid: Grid;
@@ -134,7 +135,7 @@ fn nothing_seen() -> Seen {
     return seen;
 }
 
-fn project(occluder: Occluder, part: Part, eye: vec3<f32>, frame: mat3x3<f32>, light_name: u32) -> Seen {
+fn project(occluder: Occluder, part: Part, eye: vec3<f32>, frame: mat3x3<f32>, name: u32) -> Seen {
     let a = (occluder.a - eye) * frame;
     let b = (occluder.b - eye) * frame;
     let c = (occluder.c - eye) * frame;
@@ -160,15 +161,15 @@ fn project(occluder: Occluder, part: Part, eye: vec3<f32>, frame: mat3x3<f32>, l
     seen.surface = surface_bits(error, normal * (-side / area));
     seen.most = (occluder.flags >> OCCLUDER_MOST_SHIFT) & 255u;
     seen.cover = occluder.cover;
-    seen.name = (occluder.flags >> OCCLUDER_NAME_SHIFT) ^ light_name;
+    seen.name = (occluder.flags >> OCCLUDER_NAME_SHIFT) ^ name;
     texel_box(&seen, part, a, b, c);
     return seen;
 }
 
 // Whether a triangle has a hole at those weights of its corners, as that texel sees it.
 fn is_hole(seen: Seen, weights: vec3<f32>, texel: i32) -> bool {
-    let part = part_at(weights.yz / max(weights.x + weights.y + weights.z, 1e-30));
-    return !is_there(Cover(seen.most, seen.cover), part, hash(hash(seen.name) ^ u32(texel)));
+    let sixteenth = part_at(weights.yz / max(weights.x + weights.y + weights.z, 1e-30));
+    return !is_there(Cover(seen.most, seen.cover), sixteenth, hash(hash(seen.name) ^ u32(texel)));
 }
 
 // The word of a texel that a triangle covers; empty where it does not.
@@ -242,15 +243,14 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     let frame = tile_frame(vpl.normal);
     let known = known_object(light);
     let own = vec2<i32>(i32(lane) % BLOCK, i32(lane) / BLOCK);
-    // That of the vertex of the path, wherever in the list the light is.
-    let light_name = hash(hash(vpl.sample) ^ (vpl.bounce_met & ~MET));
+    let name = light_name(vpl);
 
     for (var first = 0u; is_within(first, parameters.occluder_count, f32(light)); first += GROUP) {
         if first + lane < parameters.occluder_count {
             let occluder = occluders[first + lane];
             var seen = nothing_seen();
             if known == NONE || occluder.object != known {
-                seen = project(occluder, part, eye, frame, light_name);
+                seen = project(occluder, part, eye, frame, name);
             }
             let size = seen.high - seen.low + 1;
             if size.x > 0 && size.y > 0 {

@@ -1,15 +1,15 @@
 // Imperfect shadow maps: a map for every virtual light, drawn from points. Ritschel et al. 2008.
 //
-// A workgroup a light, its tile in workgroup memory; of tiles above 48 x 48 texels, one a part of that size. Points are in the order of the surfaces; each light takes every fourth, spread over
-// them evenly. A point is a disc on its surface: a texel shows the nearest disc that covers its centre, so that silhouettes are no
-// wider than the surfaces. One whose centre none covers takes the nearest point within it, and what then is empty continues the
-// planes of coarser levels (pull-push, Marroquim et al. 2007).
+// A workgroup draws a light's tile in its own memory; of tiles above 48 x 48 texels, a part of at most that size. Points are in the order
+// of the surfaces; each light takes every fourth, spread over them evenly. A point is a disc on its surface: a texel shows the nearest
+// disc that covers its centre, so that silhouettes are no wider than the surfaces. One whose centre none covers takes the nearest point
+// within it, and what then is empty continues the planes of coarser levels (pull-push, Marroquim et al. 2007).
 //
 // Cost: a part and point about 60 operations, a texel in the box of a disc about 30.
 
 #import bevy_bounce::shadow_atlas::tile::{
-    AtlasParameters, Part, TILE_EMPTY, OWN_PLANE, SAME_FACING, PART_TEXELS, part_of, part_texel, part_index, tile_frame, to_tile,
-    texel_direction, word_of, pack_texel, texel_depth, texel_normal,
+    AtlasParameters, Part, TILE_EMPTY, OWN_PLANE, SAME_FACING, PART_TEXELS, part_of, part_texel, part_index, light_name, tile_frame,
+    to_tile, texel_direction, word_of, pack_texel, texel_depth, texel_normal,
 }
 #import bevy_bounce::shadow_atlas::types::{
     WorldPoint, POINT_NONE, POINT_SUBSETS, POINT_TWO_SIDED, POINT_WIDE, disc_radius,
@@ -17,7 +17,6 @@
 #import bevy_bounce::shared::grid::Grid
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::octahedral::decode_unit
-#import bevy_bounce::shared::sampling::hash
 #import bevy_bounce::vpl::types::{Vpl, VplHeader}
 
 @group(0) @binding(0) var<uniform> parameters: AtlasParameters;
@@ -27,9 +26,10 @@
 @group(0) @binding(4) var<storage, read> vpls: array<Vpl>;
 @group(0) @binding(5) var<storage, read_write> atlas: array<u32>;
 
-const GROUP: u32 = 64u;
-/// Texels from the middle of a disc to the last that is looked at: larger discs are nearer to the light than three times their radius.
-const MAX_SPLAT: f32 = 12.0;
+const GROUP: u32 = 256u;
+/// Edges of a tile from the middle of a disc to the last texel that is looked at: larger discs are nearer to the light than three times
+/// their radius.
+const MAX_SPLAT: f32 = 0.375;
 /// Edges of a tile that a radian spans where the half octahedron is widest.
 const WIDEST: f32 = 1.12;
 /// Voxels round a light within which a point less than OWN_HEIGHT voxels above it that looks the same way is its own surface.
@@ -64,7 +64,7 @@ fn splat(point: WorldPoint, vpl: Vpl, frame: mat3x3<f32>, part: Part) {
     let radius = disc_radius(parameters.point_area, (point.normal & POINT_WIDE) != 0u);
     let middle = to_tile(to) * edge;
     let own = vec2<i32>(min(middle, vec2<f32>(edge - 1.0)));
-    let around = min(WIDEST * radius / distance * edge, MAX_SPLAT);
+    let around = min(WIDEST * radius / distance, MAX_SPLAT) * edge;
     // Texels whose centres may be within the disc, and its own.
     let low = max(min(vec2<i32>(ceil(middle - around - 0.5)), own), vec2<i32>(part.low));
     let high = min(max(vec2<i32>(floor(middle + around - 0.5)), own), vec2<i32>(part.low + part.size) - 1);
@@ -135,14 +135,13 @@ fn push(part: Part, source: u32, place: u32) -> u32 {
 // Draws the light's points into `nearest`.
 fn splat_all(vpl: Vpl, part: Part, lane: u32) {
     let frame = tile_frame(vpl.normal);
-    // That of the vertex of the path, wherever in the list the light is.
-    let subset = hash(vpl.sample) % POINT_SUBSETS;
+    let subset = light_name(vpl) % POINT_SUBSETS;
     for (var i = lane; i < arrayLength(&world_points) / POINT_SUBSETS; i += GROUP) {
         splat(world_points[i * POINT_SUBSETS + subset], vpl, frame, part);
     }
 }
 
-@compute @workgroup_size(64)
+@compute @workgroup_size(256)
 fn splat_points(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let light = folded_index(group);
     if light >= header.count {

@@ -7,7 +7,8 @@
 #define_import_path bevy_bounce::shadow_atlas::tile
 
 #import bevy_bounce::shared::octahedral::{encode_unit_8, decode_unit_8}
-#import bevy_bounce::shared::sampling::any_tangent
+#import bevy_bounce::shared::sampling::{any_tangent, hash}
+#import bevy_bounce::vpl::types::{Vpl, MET}
 
 /// Texel where nothing is.
 const TILE_EMPTY: u32 = 0xffffffffu;
@@ -35,7 +36,7 @@ struct AtlasParameters {
     error: f32,
 }
 
-/// Largest edge of what one workgroup draws of a tile, texels: 9 KiB of its 16. Whole blocks of 8 x 8, and quarters of quarters.
+/// Largest edge of what one workgroup draws of a tile, texels: 9 KiB of its 16 KiB. Whole blocks of 8 x 8 texels, and of 4 x 4.
 const PART_EDGE: u32 = 48u;
 const PART_TEXELS: u32 = PART_EDGE * PART_EDGE;
 
@@ -43,11 +44,11 @@ const PART_TEXELS: u32 = PART_EDGE * PART_EDGE;
 struct Part {
     low: vec2<u32>,
     size: vec2<u32>,
-    // Index of the tile's first texel, were it part of it.
+    // Index that texel (0, 0) of the tile would have in the part: 0 or below.
     origin: i32,
 }
 
-/// Parts are in rows.
+/// The part of that index; they are numbered row by row.
 fn part_of(tile: u32, index: u32) -> Part {
     let parts = (tile + PART_EDGE - 1u) / PART_EDGE;
     let low = vec2<u32>(index % parts, index / parts) * PART_EDGE;
@@ -55,14 +56,19 @@ fn part_of(tile: u32, index: u32) -> Part {
     return Part(low, size, -i32(low.y * size.x + low.x));
 }
 
-/// Of the part's texels, row by row, the one there.
+/// Texel of the tile that has that index in the part; row by row.
 fn part_texel(part: Part, index: u32) -> vec2<u32> {
     return part.low + vec2<u32>(index % part.size.x, index / part.size.x);
 }
 
-/// The reverse.
+/// Index in the part of a texel of the tile.
 fn part_index(part: Part, texel: vec2<i32>) -> i32 {
     return part.origin + texel.y * i32(part.size.x) + texel.x;
+}
+
+/// What stays that of a light wherever it is in the list: of the vertex of the path that it is.
+fn light_name(vpl: Vpl) -> u32 {
+    return hash(hash(vpl.sample) ^ (vpl.bounce_met & ~MET));
 }
 
 /// Columns: tangent, bitangent, normal.

@@ -26,8 +26,8 @@ const PATHS: u32 = 8 * LIGHTS;
 const BOUNCES: u32 = 12;
 /// Edge of a tile by default.
 const TILE: u32 = 32;
-/// The largest that is made of points.
-const LARGER: u32 = 64;
+/// The largest that is drawn from points.
+const LARGER: u32 = 96;
 const GRID: u32 = 64;
 
 /// A pixel: what it shows, and the light it is asked about.
@@ -169,7 +169,7 @@ fn barycentric(index: u32) -> u32 {
     (b * 65535.0) as u32 | ((c * 65535.0) as u32) << 16
 }
 
-/// Pixels of the scene's camera at random, each with a light that it faces and that faces it; how many of all pairs do.
+/// Pixels of the scene's camera and lights at random, those that face each other; what share of all pairs these are.
 fn pairs(glb: &GlbScene, rays: &Rays, vpls: &[Vpl], count: usize) -> (Vec<Pair>, f64) {
     let mut random = Random::new(11);
     let eye = Vec3::from(glb.world_from_view.translation);
@@ -183,14 +183,11 @@ fn pairs(glb: &GlbScene, rays: &Rays, vpls: &[Vpl], count: usize) -> (Vec<Pair>,
         let normal = (b - a).cross(c - a).normalize();
         let normal = normal * -normal.dot(direction).signum();
         let position = eye + direction * distance;
-        for _ in 0..8 {
-            let light = (random.unit() * vpls.len() as f32) as usize % vpls.len();
-            let to = (vpls[light].position - position).normalize();
-            tried += 1;
-            if to.dot(normal) > 0.0 && to.dot(vpls[light].normal) < 0.0 {
-                found.push(Pair { light, position, normal });
-                break;
-            }
+        let light = (random.unit() * vpls.len() as f32) as usize % vpls.len();
+        let to = (vpls[light].position - position).normalize();
+        tried += 1;
+        if to.dot(normal) > 0.0 && to.dot(vpls[light].normal) < 0.0 {
+            found.push(Pair { light, position, normal });
         }
     }
     let facing = found.len() as f64 / f64::from(tried);
@@ -261,7 +258,7 @@ struct Trial {
     vpls: Vec<Vpl>,
     pairs: Vec<Pair>,
     exact: Vec<bool>,
-    /// Share of all pairs.
+    /// Share of the pairs that face each other, of all.
     facing: f64,
     /// From a light's surface to where rays begin, world units.
     near: f32,
@@ -318,9 +315,10 @@ fn lights_agree_with_exact_rays_in_scenes() {
         assert!((atlas.seen - atlas.exact).abs() < 0.02, "{name}: {atlas}");
         assert!(atlas.agree >= ideal.agree - 0.01, "{name}: {atlas}; with exact texels {ideal}");
         assert!(voxel.agree >= 0.90, "{name}: {voxel} by voxels");
-        let [atlas, ism] = [VplVisibility::Atlas, VplVisibility::Ism].map(|kind| trial.shipped(kind, LARGER));
-        assert!(atlas.all >= 0.97 && ism.all >= 0.93, "{name}: {atlas}; {ism} by points");
         assert!(ism.agree >= least_by_points, "{name}: {ism} by points");
+        let [of_triangles, of_points] =
+            [VplVisibility::Atlas, VplVisibility::Ism].map(|kind| trial.shipped(kind, LARGER));
+        assert!(of_triangles.all >= 0.97 && of_points.all >= 0.93, "{name}: {of_triangles}; {of_points} by points");
     }
 }
 
@@ -328,10 +326,10 @@ fn lights_agree_with_exact_rays_in_scenes() {
 #[test]
 #[ignore = "a table, two minutes"]
 fn maps_agree_by_the_size_of_their_tiles() {
-    // Of all of sponza's triangles in larger tiles, lavapipe draws a part: it ends loops after 65,535 rounds.
-    for (name, tiles) in [("corner", 24..=96), ("sibenik", 24..=96), ("sponza", 24..=64)] {
+    // Of all of sponza's triangles in larger tiles, lavapipe draws only some: it ends loops after 65,535 rounds.
+    for (name, largest) in [("corner", 96), ("sibenik", 96), ("sponza", 64)] {
         let Some(trial) = Trial::new(name) else { return };
-        for tile in [24, 32, 48, 64, 96].into_iter().filter(|tile| tiles.contains(tile)) {
+        for tile in [24, 32, 48, 64, 96].into_iter().filter(|tile| *tile <= largest) {
             let (atlas, ism) = (trial.shipped(VplVisibility::Atlas, tile), trial.shipped(VplVisibility::Ism, tile));
             let ideal = trial.ideal(tile);
             assert!(atlas.agree >= ideal.agree - 0.01 && ism.agree <= atlas.agree + 0.01, "{name}");
@@ -341,7 +339,7 @@ fn maps_agree_by_the_size_of_their_tiles() {
     }
 }
 
-/// Of those that face each other, by texels a third of a degree wide, in 36 parts.
+/// Of the pairs that face each other, by texels of half a degree, in 36 parts.
 #[test]
 #[ignore = "several minutes"]
 fn the_largest_maps_agree_with_exact_rays_in_a_church() {

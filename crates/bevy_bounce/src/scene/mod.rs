@@ -74,7 +74,7 @@ pub(crate) use self::bounds::Bounds;
 pub use self::groups::VoxelizedGroup;
 pub(crate) use self::groups::{GroupGrid, Groups};
 pub(crate) use self::instances::Instances;
-pub(crate) use self::occluders::{LARGEST_ERROR, map_edge};
+pub(crate) use self::occluders::LARGEST_ERROR;
 pub(crate) use self::prepare::SceneBuffers;
 pub(crate) use self::regions::Regions;
 pub(crate) use self::sky::SkyBuffers;

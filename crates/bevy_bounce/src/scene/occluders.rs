@@ -100,8 +100,8 @@ pub(super) fn choose_occluders(
     let wanted = Reasons {
         generation: instances.generation(),
         visibility: settings.visibility,
-        budget: stated.occluders(),
-        tile: map_edge(&settings),
+        budget: stated.occluders(settings.map_parts()),
+        tile: settings.map_edge(),
         tolerance: LARGEST_ERROR * voxel,
     };
     let holds = occluders.made_for.is_some_and(|made| made == wanted || occluders.suffice(made, wanted));
@@ -128,18 +128,9 @@ pub(super) fn choose_occluders(
     occluders.point_area = (area / f64::from((count / POINT_SUBSETS).max(1))) as f32;
 }
 
-/// Largest edge of a map that is drawn from points, texels: 7.3 MB. With more points a light, software adapters give up.
-const LARGEST_POINT_MAP: u32 = 64;
-
-/// Edge of a virtual light's map, texels, where all of them find room.
-pub(crate) fn map_edge(settings: &GiSettings) -> u32 {
-    let largest = if settings.visibility == VplVisibility::Ism { LARGEST_POINT_MAP } else { u32::MAX };
-    settings.tile.min(largest)
-}
-
 /// Points for all lights: each takes sixteen a texel of its map.
 fn point_count(settings: &GiSettings) -> u32 {
-    16 * map_edge(settings).pow(2) * POINT_SUBSETS
+    16 * settings.map_edge().pow(2) * POINT_SUBSETS
 }
 
 /// Chunks of the triangles that cast, and their error in world units.

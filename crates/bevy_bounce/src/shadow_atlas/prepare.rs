@@ -7,7 +7,7 @@ use bevy_bounce_shaders::types::{AtlasParameters, Occluder, PART_EDGE, WorldPoin
 
 use crate::VplVisibility;
 use crate::avg::VoxelGrid;
-use crate::scene::{LARGEST_ERROR, SceneBuffers, map_edge};
+use crate::scene::{LARGEST_ERROR, SceneBuffers};
 use crate::settings::{GiWorldSettings, StatedLights};
 
 /// The shadow maps of all virtual lights; there while a camera asks for them and what casts is fine enough.
@@ -76,7 +76,7 @@ pub(super) fn prepare_atlas(
         return;
     };
     let limit = device.limits().max_storage_buffer_binding_size;
-    let tile = fitting_tile(map_edge(&settings), stated.0, limit);
+    let tile = fitting_tile(settings.map_edge(), stated.0, limit);
     let diagonal = scene.bounds().map_or(1.0, |bounds| (bounds.max - bounds.min).length());
     let counts = scene.occluders();
     let parameters = AtlasParameters {
@@ -89,7 +89,7 @@ pub(super) fn prepare_atlas(
     let atlas_size = atlas_bytes(tile, stated.0);
     let occluder_size = match settings.visibility {
         VplVisibility::Ism => u64::from(counts.points.max(1)) * u64::from(WorldPoint::min_size()),
-        _ => u64::from(stated.occluders().many) * u64::from(Occluder::min_size()),
+        _ => u64::from(stated.occluders(settings.map_parts()).many) * u64::from(Occluder::min_size()),
     };
     let eyes = if settings.visibility == VplVisibility::Baked { stated.0 } else { 1 };
     let sizes = [atlas_size, occluder_size, 8 * u64::from(eyes)];

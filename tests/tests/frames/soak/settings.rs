@@ -56,7 +56,10 @@ fn settings(random: &mut Rng) -> GiSettings {
         vpls: random.u32(0..300),
         bounces: random.u32(0..40),
         visibility: one_of(random, &[None, Voxel, Ism, Atlas, Baked]),
-        tile: random.u32(0..60),
+        tile: match random.u32(0..60) {
+            59 => 300,
+            tile => tile,
+        },
         bound: float(random, 0.01, 10.0),
         probes: one_of(random, &[0, 0, 1, 8, 14]),
         sky: random.u32(0..80),
