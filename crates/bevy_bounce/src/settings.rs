@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy::render::Extract;
 use bevy::render::extract_component::ExtractComponent;
-use bevy_bounce_shaders::types::PART_EDGE;
+use bevy_bounce_shaders::types::tile_parts;
 
 use crate::compute::MAX_WORKGROUPS;
 use crate::{CssmReceivers, CssmSettings, GiBudget, GiIsolate, RadianceCacheSettings, SsbcSettings};
@@ -240,11 +240,6 @@ impl GiSettings {
         self.tile.min(if self.visibility == VplVisibility::Ism { LARGEST_POINT_MAP } else { u32::MAX })
     }
 
-    /// Workgroups that draw such a map.
-    pub(crate) fn map_parts(&self) -> u32 {
-        self.map_edge().div_ceil(PART_EDGE).pow(2)
-    }
-
     /// Whether the voxels are lit.
     pub(crate) fn lights_grid(&self) -> bool {
         self.radiance_cache.glossy
@@ -252,10 +247,10 @@ impl GiSettings {
 }
 
 impl StatedLights {
-    /// Triangles that cast shadows into maps of that many parts, and how many these may be where so few would be too coarse: levels of
+    /// Triangles that cast shadows, and how many these may be where so few would be too coarse: levels of
     /// detail are chosen accordingly. One dispatch places them, a workgroup a mesh or more.
-    pub fn occluders(&self, parts: u32) -> OccluderBudget {
-        let maps = self.0.max(1) * parts;
+    pub fn occluders(&self, settings: &GiSettings) -> OccluderBudget {
+        let maps = self.0.max(1) * tile_parts(settings.map_edge());
         let [few, many] = [OCCLUSION_BUDGET, LARGEST_OCCLUSION_BUDGET].map(|pairs| (pairs / maps).min(MAX_WORKGROUPS));
         OccluderBudget { few, many }
     }

@@ -45,6 +45,11 @@ pub const TILE_EMPTY: u32 = 0xffff_ffff;
 /// Largest edge of what one workgroup draws of a tile, texels: twin of `PART_EDGE` in `shadow_atlas/tile.wgsl`.
 pub const PART_EDGE: u32 = 48;
 
+/// Parts of a tile of that edge, of which a workgroup draws one each.
+pub const fn tile_parts(tile: u32) -> u32 {
+    tile.div_ceil(PART_EDGE).pow(2)
+}
+
 /// Sizes of the shadow atlas.
 #[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
 pub struct AtlasParameters {

@@ -4,18 +4,18 @@ use std::path::Path;
 
 use bevy::math::{Affine3A, EulerRot, Quat, Vec3};
 use bevy_bounce::cssm::words::PAGE_BITS;
-use bevy_bounce_shaders::types::{AtlasParameters, NONE, Occluder, TILE_EMPTY, Vpl, VplHeader};
+use bevy_bounce_shaders::types::{AtlasParameters, NONE, Occluder, TILE_EMPTY, Vpl, VplHeader, tile_parts};
 use bevy_bounce_tests::baked::{cornell_box, resources};
 use bevy_bounce_tests::glb;
 use bevy_bounce_tests::gpu::gpu;
 use bevy_bounce_tests::scene::{run, run_with};
 use bevy_bounce_tests::twins::random::Random;
 
-use crate::agreement::parts;
 use crate::shadow_atlas::{look, nearest};
 
+const TILE: u32 = 24;
 /// Of four parts.
-const TILE: u32 = 52;
+const LARGE_TILE: u32 = 52;
 const LIGHTS: usize = 64;
 
 /// Lights anywhere on baked texels, of an object that is turned and half as large: they see what exact rays do.
@@ -44,26 +44,32 @@ fn lights_see_what_rays_reach() {
     let in_air = &mut vpls[LIGHTS - 1];
     in_air.position += in_air.normal * 0.5;
     let far = 4.0;
-    let parameters = AtlasParameters { tile: TILE, occluder_count: 0, far, point_area: 0.0, error: 0.0 };
     let texels = (TILE * TILE) as usize;
-    let bound = resources(gpu(), &[(file, place)], PAGE_BITS)
-        .uniform("parameters", &parameters)
-        .structs("header", &[VplHeader { count: LIGHTS as u32, ..VplHeader::default() }])
-        .structs("vpls", &vpls)
-        .zeroed("eyes", 2 * (LIGHTS + 8))
-        .zeroed("atlas", (LIGHTS + 8) * texels);
-    run(gpu(), "shadow_atlas/eyes.wgsl", "find_eyes", &bound, [2, 1, 1]);
-    run(gpu(), "shadow_atlas/baked.wgsl", "draw_baked", &bound, [(LIGHTS + 8) as u32, 1, 1]);
+    let draw = |tile: u32| {
+        let parameters = AtlasParameters { tile, occluder_count: 0, far, point_area: 0.0, error: 0.0 };
+        let bound = resources(gpu(), &[(file, place)], PAGE_BITS)
+            .uniform("parameters", &parameters)
+            .structs("header", &[VplHeader { count: LIGHTS as u32, ..VplHeader::default() }])
+            .structs("vpls", &vpls)
+            .zeroed("eyes", 2 * (LIGHTS + 8))
+            .zeroed("atlas", (LIGHTS + 8) * (tile * tile) as usize);
+        run(gpu(), "shadow_atlas/eyes.wgsl", "find_eyes", &bound, [2, 1, 1]);
+        run(gpu(), "shadow_atlas/baked.wgsl", "draw_baked", &bound, [(LIGHTS + 8) as u32, 1, 1]);
+        bound
+    };
+    let bound = draw(TILE);
     let eyes = bound.read_words("eyes").expect("reads back");
     let (eyes, _) = eyes.as_chunks::<2>();
     assert!(eyes[..LIGHTS - 1].iter().all(|[object, texel]| *object == 0 && *texel < file.meta.texels));
     assert!(eyes[LIGHTS - 1..].iter().all(|eye| *eye == [NONE; 2]), "in the air, and beyond the list");
     let words = bound.read_words("atlas").expect("reads back");
     assert!(words[(LIGHTS - 1) * texels..].iter().all(|word| *word == TILE_EMPTY));
-    let bound = bound.uniform("grid", &scene.grid(0.1)).structs("occluders", &[Occluder::default()]);
-    let groups = [LIGHTS as u32, 1, parts(TILE)];
-    run_with(gpu(), "shadow_atlas/rasterize.wgsl", "rasterize", &["BAKED"], &bound, groups);
-    assert_eq!(bound.read_words("atlas").expect("reads back"), words, "where nothing else casts, bakes stay");
+
+    let large = draw(LARGE_TILE).uniform("grid", &scene.grid(0.1)).structs("occluders", &[Occluder::default()]);
+    let baked = large.read_words("atlas").expect("reads back");
+    let groups = [LIGHTS as u32, 1, tile_parts(LARGE_TILE)];
+    run_with(gpu(), "shadow_atlas/rasterize.wgsl", "rasterize", &["BAKED"], &large, groups);
+    assert_eq!(large.read_words("atlas").expect("reads back"), baked, "where nothing else casts, bakes stay");
 
     // Pairs of lights and texels that face each other, in the object's space.
     let into = place.inverse();
@@ -101,6 +107,6 @@ fn lights_see_what_rays_reach() {
         "rays see {rays:.4}, maps {map:.4}; of the answers {file_right:.4} of the bake and {map_right:.4} of the maps are the rays'"
     );
     assert!((0.5..0.9).contains(&rays), "rays see {rays}");
-    // What a map leaves of one of 32 by 32 a side of the cube.
+    // What a map of 24 by 24 leaves of one of 32 by 32 a side of the cube.
     assert!(map_right > file_right - 0.03 && (map - rays).abs() < 0.06);
 }

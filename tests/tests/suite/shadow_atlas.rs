@@ -1,13 +1,11 @@
 //! What virtual lights see, against exact rays.
 
 use bevy::math::{Affine3A, EulerRot, Quat, Vec2, Vec3};
-use bevy_bounce_shaders::types::{AtlasParameters, Occluder, TILE_EMPTY, Vpl, VplHeader};
+use bevy_bounce_shaders::types::{AtlasParameters, Occluder, TILE_EMPTY, Vpl, VplHeader, tile_parts};
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::scene::{TestScene, cuboid, run, settled};
 use bevy_bounce_tests::twins::random::Random;
-
-use crate::agreement::parts;
 
 const TILE: u32 = 32;
 const LIGHTS: usize = 96;
@@ -86,7 +84,7 @@ fn draw_coarse(
         .structs("vpls", &vpls)
         .zeroed("atlas", vpls.len() * (tile * tile) as usize);
     run(gpu(), "shadow_atlas/occluders.wgsl", "place_occluders", &resources, [chunks.len() as u32, 1, 1]);
-    run(gpu(), "shadow_atlas/rasterize.wgsl", "rasterize", &resources, [vpls.len() as u32, 1, parts(tile)]);
+    run(gpu(), "shadow_atlas/rasterize.wgsl", "rasterize", &resources, [vpls.len() as u32, 1, tile_parts(tile)]);
     resources
 }
 

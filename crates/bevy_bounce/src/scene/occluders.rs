@@ -100,7 +100,7 @@ pub(super) fn choose_occluders(
     let wanted = Reasons {
         generation: instances.generation(),
         visibility: settings.visibility,
-        budget: stated.occluders(settings.map_parts()),
+        budget: stated.occluders(&settings),
         tile: settings.map_edge(),
         tolerance: LARGEST_ERROR * voxel,
     };

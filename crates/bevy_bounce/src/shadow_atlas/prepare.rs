@@ -3,7 +3,7 @@
 use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
-use bevy_bounce_shaders::types::{AtlasParameters, Occluder, PART_EDGE, WorldPoint};
+use bevy_bounce_shaders::types::{AtlasParameters, Occluder, WorldPoint, tile_parts};
 
 use crate::VplVisibility;
 use crate::avg::VoxelGrid;
@@ -26,7 +26,7 @@ pub(crate) struct ShadowAtlas {
 impl ShadowAtlas {
     /// Parts in which each tile is drawn.
     pub fn parts(&self) -> u32 {
-        self.parameters.get().tile.div_ceil(PART_EDGE).pow(2)
+        tile_parts(self.parameters.get().tile)
     }
 
     /// Names and sizes of what is held on the GPU, bytes.
@@ -89,7 +89,7 @@ pub(super) fn prepare_atlas(
     let atlas_size = atlas_bytes(tile, stated.0);
     let occluder_size = match settings.visibility {
         VplVisibility::Ism => u64::from(counts.points.max(1)) * u64::from(WorldPoint::min_size()),
-        _ => u64::from(stated.occluders(settings.map_parts()).many) * u64::from(Occluder::min_size()),
+        _ => u64::from(stated.occluders(&settings).many) * u64::from(Occluder::min_size()),
     };
     let eyes = if settings.visibility == VplVisibility::Baked { stated.0 } else { 1 };
     let sizes = [atlas_size, occluder_size, 8 * u64::from(eyes)];
