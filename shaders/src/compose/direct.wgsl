@@ -4,6 +4,9 @@
 // replaces (ambient light, irradiance volumes, of environment maps the diffuse part) and without emission, which `compose.wgsl` adds. All
 // targets are pre-exposed.
 //
+// Of lights it knows the kinds that there are (`POINT_LIGHTS`, `SPOT_LIGHTS`, `DIRECTIONAL_LIGHTS`, `RECT_LIGHTS`): what a shader could
+// do holds registers, whether it does it or not.
+//
 // Where the sky's light bounces (`SKY`), what surfaces mirror of it goes into a target of its own, for `compose.wgsl` to shadow. What
 // reflection probes show of their surroundings is with it, and is left as it is. Where ambient light is the sky (`AMBIENT`), what they
 // mirror of that is what Bevy's `ambient_light` has them mirror.
@@ -168,6 +171,7 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
     var light = vec3<f32>(0.0);
     var diffuse = vec3<f32>(0.0);
 
+#ifdef POINT_LIGHTS
     for (var i = ranges.first_point_light_index_offset; i < ranges.first_spot_light_index_offset; i += 1u) {
         let id = clustering::get_clusterable_object_id(i);
         var shadow = 1.0;
@@ -179,7 +183,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
         light += both * shadow;
         diffuse += (both - lighting::point_light(id, &input, false, true)) * shadow;
     }
+#endif
 
+#ifdef SPOT_LIGHTS
     for (var i = ranges.first_spot_light_index_offset; i < ranges.first_reflection_probe_index_offset; i += 1u) {
         let id = clustering::get_clusterable_object_id(i);
         var shadow = 1.0;
@@ -197,7 +203,9 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
         light += both * shadow;
         diffuse += (both - lighting::spot_light(id, &input, false)) * shadow;
     }
+#endif
 
+#ifdef DIRECTIONAL_LIGHTS
     for (var id = 0u; is_within(id, view_bindings::lights.n_directional_lights, view_z); id += 1u) {
         let flags = view_bindings::lights.directional_lights[id].flags;
         var shadow = 1.0;
@@ -221,13 +229,16 @@ fn fragment(@builtin(position) position: vec4<f32>) -> Targets {
         light += both * shadow;
         diffuse += (both - lighting::directional_light(id, &input, false)) * shadow;
     }
+#endif
 
+#ifdef RECT_LIGHTS
 #ifdef AREA_LIGHT_LUTS
     for (var id = 0u; is_within(id, view_bindings::lights.n_rect_lights, view_z); id += 1u) {
         let both = lighting::rect_light(id, &input, true);
         light += both;
         diffuse += both - lighting::rect_light(id, &input, false);
     }
+#endif
 #endif
 
     var mirrored = vec3<f32>(0.0);

@@ -3,8 +3,8 @@
 // A workgroup draws a light's tile in its own memory; of tiles above 48 x 48 texels, a part of at most that size. A texel is covered
 // by a triangle where its direction lies on the inner side of the three planes through the light and the edges (Olano & Greer 1997):
 // exact, straight and without gaps on the octahedron as on any projection, with nothing to clip. A thread projects a triangle and fills
-// it if it is small; large ones are filled by all threads together, block by block of texels, of which each thread has its own whatever
-// the triangle.
+// it if it is small; a large one is filled by eight threads, row by row of its box, eight such triangles at once: each loads it once for
+// some rows, where threads that fill a block of texels together would all load it for a texel or two.
 //
 // With `BAKED` a light that is on a baked object knows from its bake what it sees of that: its tile is there, and the
 // object's triangles are left out.
@@ -42,8 +42,8 @@
 const GROUP: u32 = 64u;
 /// Texels in the box of a triangle that one thread fills.
 const INLINE_TEXELS: i32 = 8;
-/// Edge of a block of texels, one a thread: the root of `GROUP`.
-const BLOCK: i32 = 8;
+/// Threads that fill a large triangle, and triangles that are filled at once: the root of `GROUP`.
+const ROWS: u32 = 8u;
 
 // A triangle as a light sees it; a direction d is inside where all edges have dot(edge, d) >= 0, and meets the triangle at
 // d / dot(plane, d) far distances.
@@ -184,26 +184,14 @@ fn word_at(seen: Seen, x: i32, y: i32, has_holes: bool) -> u32 {
     return select(TILE_EMPTY, depth_bits(length(direction) / along) | seen.surface, inside);
 }
 
-// By one thread, beside others that fill other triangles.
-fn fill_small(seen: Seen, part: Part) {
-    for (var y = seen.low.y; y <= seen.high.y; y++) {
+// One row in `step` of its box, beside threads that fill other rows and triangles.
+fn fill(seen: Seen, part: Part, first: i32, step: i32, has_holes: bool) {
+    for (var y = seen.low.y + first; y <= seen.high.y; y += step) {
         for (var x = seen.low.x; x <= seen.high.x; x++) {
-            let word = word_at(seen, x, y, seen.most != 0u);
+            let word = word_at(seen, x, y, has_holes);
             if word != TILE_EMPTY {
                 atomicMin(&nearest[part_index(part, vec2<i32>(x, y))], word);
             }
-        }
-    }
-}
-
-// By all threads: `own` is the thread's texel of each block.
-fn fill_large(seen: Seen, part: Part, own: vec2<i32>, has_holes: bool) {
-    let low = seen.low & vec2<i32>(-BLOCK);
-    for (var y = low.y + own.y; y <= seen.high.y; y += BLOCK) {
-        for (var x = low.x + own.x; x <= seen.high.x; x += BLOCK) {
-            let i = part_index(part, vec2<i32>(x, y));
-            let word = select(word_at(seen, x, y, has_holes), TILE_EMPTY, x < seen.low.x || y < seen.low.y);
-            atomicStore(&nearest[i], min(atomicLoad(&nearest[i]), word));
         }
     }
 }
@@ -234,15 +222,13 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     }
     let vpl = vpls[light];
     let part = part_of(parameters.tile, group.z);
-    let texels = part.size.x * part.size.y;
-    for (var i = lane; i < texels; i += GROUP) {
+    for (var i = lane; i < part.size.x * part.size.y; i += GROUP) {
         atomicStore(&nearest[i], first_word(light, part_texel(part, i)));
     }
     workgroupBarrier();
     let eye = vpl.position;
     let frame = tile_frame(vpl.normal);
     let known = known_object(light);
-    let own = vec2<i32>(i32(lane) % BLOCK, i32(lane) / BLOCK);
     let name = light_name(vpl);
 
     for (var first = 0u; is_within(first, parameters.occluder_count, f32(light)); first += GROUP) {
@@ -255,7 +241,7 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
             let size = seen.high - seen.low + 1;
             if size.x > 0 && size.y > 0 {
                 if size.x * size.y <= INLINE_TEXELS {
-                    fill_small(seen, part);
+                    fill(seen, part, 0, 1, seen.most != 0u);
                 } else {
                     if seen.most == 0u {
                         large[atomicAdd(&large_count, 1u)] = seen;
@@ -266,14 +252,15 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
             }
         }
         workgroupBarrier();
+        let row = i32(lane % ROWS);
         let count = atomicLoad(&large_count);
-        for (var k = 0u; k < count; k++) {
-            fill_large(large[k], part, own, false);
+        for (var k = lane / ROWS; k < count; k += GROUP / ROWS) {
+            fill(large[k], part, row, i32(ROWS), false);
         }
         // Apart from the others, so that these do not pay for holes.
         let masked = atomicLoad(&masked_count);
-        for (var k = 0u; k < masked; k++) {
-            fill_large(large[GROUP - 1u - k], part, own, true);
+        for (var k = lane / ROWS; k < masked; k += GROUP / ROWS) {
+            fill(large[GROUP - 1u - k], part, row, i32(ROWS), true);
         }
         workgroupBarrier();
         if lane == 0u {
@@ -283,7 +270,9 @@ fn rasterize(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
         workgroupBarrier();
     }
 
-    for (var i = lane; i < texels; i += GROUP) {
-        atlas[word_of(parameters, light, part_texel(part, i))] = atomicLoad(&nearest[i]);
+    for (var y = lane / ROWS; y < part.size.y; y += ROWS) {
+        for (var x = lane % ROWS; x < part.size.x; x += ROWS) {
+            atlas[word_of(parameters, light, part.low + vec2<u32>(x, y))] = atomicLoad(&nearest[y * part.size.x + x]);
+        }
     }
 }

@@ -295,6 +295,52 @@ fn without_bounced_light_the_picture_is_bevys() {
     );
 }
 
+/// Hides a kind of lights, or shows it again.
+fn show<L: Component>(app: &mut App, visibility: Visibility) {
+    let mut lights = app.world_mut().query_filtered::<&mut Visibility, With<L>>();
+    for mut light in lights.iter_mut(app.world_mut()) {
+        *light = visibility;
+    }
+}
+
+/// Kinds of lights go and come back while a camera is lit: its picture is Bevy's in the very frame, in which the pipelines of the kinds
+/// that are left may not be there yet, and afterwards.
+#[test]
+fn kinds_of_lights_come_and_go() {
+    let (mut bevy, mut bounce) = (app(Plugins::Bevy, settings()), app(Plugins::Bounce, settings()));
+    let (_, theirs) = spawn_camera(&mut bevy, plain());
+    let (_, ours) = spawn_camera(&mut bounce, (GlobalIllumination::default(), GiIsolate::Direct));
+    let kinds: [(&str, fn(&mut App, Visibility)); 4] = [
+        ("points", show::<PointLight>),
+        ("spots", show::<SpotLight>),
+        ("suns", show::<DirectionalLight>),
+        ("rectangles", show::<RectLight>),
+    ];
+    settle(&mut bevy);
+    settle(&mut bounce);
+    let all = read(&bounce, &ours);
+    for (kind, show) in kinds {
+        for visibility in [Visibility::Hidden, Visibility::Inherited] {
+            for app in [&mut bevy, &mut bounce] {
+                show(app, visibility);
+                app.update();
+            }
+            let at_once = (read(&bevy, &theirs), read(&bounce, &ours));
+            settle(&mut bevy);
+            settle(&mut bounce);
+            let later = (read(&bevy, &theirs), read(&bounce, &ours));
+            let differs = later.1.difference(&all);
+            println!("{kind} {visibility:?}: {differs}");
+            assert!(differs > 0.01 || visibility != Visibility::Hidden, "{kind}: {differs}");
+            for (when, (bevys, own)) in [("at once", at_once), ("later", later)] {
+                let difference = bevys.difference(&own);
+                println!("{kind} {visibility:?} {when}: {difference}, mean {} {}", bevys.mean(0), own.mean(0));
+                assert!(difference <= HALF_PRECISION, "{kind} {visibility:?} {when}: {difference}");
+            }
+        }
+    }
+}
+
 /// A camera that no longer asks for bounced light shows what one shows that never did.
 #[test]
 fn a_camera_goes_back_to_bevys_picture() {

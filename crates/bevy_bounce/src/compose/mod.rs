@@ -16,6 +16,7 @@
 //! they fail, Bevy's lighting runs; while those of a technique are, bounced light is missing.
 
 mod extract;
+mod light_kinds;
 mod lightmapped;
 mod masked;
 mod passes;

@@ -19,6 +19,7 @@ use bevy::render::view::{ExtractedView, ViewUniform};
 use bevy::shader::{Shader, ShaderDefVal};
 use bevy_bounce_shaders::types::Sky;
 
+use super::light_kinds::{KnownLights, LightKinds};
 use super::reflections::{ReflectionBindings, TAKE};
 use crate::compute::{GiShaders, Kernel, KernelDescriptor, has_failed};
 use crate::scene::{SceneBuffers, SkyBuffers};
@@ -106,6 +107,8 @@ pub(super) enum Pass {
         environment_maps: EnvironmentMaps,
         /// Under a shadowed sky: glossy bounced light is added to it.
         glossy: bool,
+        /// Of which lights.
+        lights: LightKinds,
     },
     /// What screen-space reflections show is taken from so many targets.
     Reflections {
@@ -140,10 +143,14 @@ impl Pass {
     /// Definitions of its own.
     fn shader_defs(self) -> impl Iterator<Item = &'static str> {
         let defs = match self {
-            Self::Direct { environment_maps, glossy } => vec![
+            Self::Direct { environment_maps, glossy, lights } => vec![
                 ("COMPOSE_GLOSSY", glossy),
                 ("SKY", environment_maps.are_shadowed()),
                 ("AMBIENT", environment_maps == EnvironmentMaps::Ambient),
+                ("POINT_LIGHTS", lights.point),
+                ("SPOT_LIGHTS", lights.spot),
+                ("DIRECTIONAL_LIGHTS", lights.directional),
+                ("RECT_LIGHTS", lights.rect),
             ],
             Self::Reflections { targets } => {
                 vec![("SECOND_TARGET", targets > 1), ("USE_DEPTH_SAMPLERS", cfg!(not(target_arch = "wasm32")))]
@@ -388,7 +395,8 @@ fn lighting_pass_id_test() -> DepthStencilState {
 /// they fail, Bevy goes on lighting a view that it has lit before.
 ///
 /// Those of a sky are made while there may be one, so that it may come and go from one frame to the next; a game may
-/// set ambient light at any time: what is mirrored of it waits for its pipelines, and nothing else does.
+/// set ambient light at any time: what is mirrored of it waits for its pipelines, and nothing else does. Those of direct light are made
+/// for all kinds of lights, and beside that for the kinds there are, to which a view turns once they are compiled.
 pub(super) fn prepare_compose_pipelines(
     mut commands: Commands,
     cache: Res<PipelineCache>,
@@ -396,11 +404,14 @@ pub(super) fn prepare_compose_pipelines(
     mut specialized: ResMut<SpecializedRenderPipelines<ComposePipelines>>,
     keys: Res<ViewKeyCache>,
     sky: KnownSky,
+    lights: KnownLights,
     views: Query<
         (Entity, &GiView, &ExtractedView, Has<DeferredLightingPipeline>),
         (With<DepthPrepass>, With<DeferredPrepass>),
     >,
 ) {
+    let direct_lights = [LightKinds::ALL, lights.kinds()];
+    let is_ready = |id| matches!(cache.get_render_pipeline_state(id), CachedPipelineState::Ok(_));
     for (entity, gi, view, lit_by_bevy) in &views {
         let Some(&key) = keys.get(&view.retained_view_entity) else { continue };
         if key.contains(MeshPipelineKey::TONEMAP_IN_SHADER) {
@@ -411,12 +422,14 @@ pub(super) fn prepare_compose_pipelines(
         let mut pipeline = |pass| specialized.specialize(&cache, &pipelines, (key, pass));
         let mut all = |environment_maps: EnvironmentMaps| {
             let (indirect, sky) = (gi.isolate != GiIsolate::Direct, environment_maps.are_shadowed());
+            let direct = |lights| Pass::Direct { environment_maps, glossy: glossy && sky, lights };
+            let [direct, lean] = direct_lights.map(|lights| pipeline(direct(lights)));
             let isolate = Pass::Isolate { glossy, coat, sky, entry: entry(gi.isolate) };
             let targets = usize::from(glossy) + usize::from(sky);
             let reflects = targets > 0 && key.contains(MeshPipelineKey::SCREEN_SPACE_REFLECTIONS);
             ViewPipelines {
                 reflections: reflects.then(|| pipeline(Pass::Reflections { targets })),
-                direct: pipeline(Pass::Direct { environment_maps, glossy: glossy && sky }),
+                direct: if is_ready(lean) { lean } else { direct },
                 mirrors_ambient: environment_maps == EnvironmentMaps::Ambient,
                 compose: pipeline(Pass::Compose { indirect, glossy, coat, sky }),
                 isolate: gi.isolate.is_alone().then(|| pipeline(isolate)),
@@ -427,12 +440,11 @@ pub(super) fn prepare_compose_pipelines(
         let with = under_map.map(&mut all);
         let ambient = sky.is_mirrored_ambient(gi).then(|| all(EnvironmentMaps::Ambient));
 
-        let state = |id| cache.get_render_pipeline_state(id);
-        let are_ready = |of: &ViewPipelines| of.ids().all(|id| matches!(state(id), CachedPipelineState::Ok(_)));
+        let are_ready = |of: &ViewPipelines| of.ids().all(is_ready);
         let needed = || [Some(&without), with.as_ref()].into_iter().flatten();
         let ready = pipelines.surface.is_ready(&cache) && needed().all(are_ready);
-        let failed = pipelines.surface.has_failed(&cache)
-            || needed().flat_map(ViewPipelines::ids).any(|id| has_failed(state(id)));
+        let has_failed = |id| has_failed(cache.get_render_pipeline_state(id));
+        let failed = pipelines.surface.has_failed(&cache) || needed().flat_map(ViewPipelines::ids).any(has_failed);
         let (view_pipelines, environment_maps) = match (ambient.filter(are_ready), with, under_map) {
             (Some(ambient), ..) => (ambient, EnvironmentMaps::Ambient),
             (None, Some(with), Some(under_map)) if sky.bounces(gi) => (with, under_map),
@@ -440,12 +452,15 @@ pub(super) fn prepare_compose_pipelines(
         };
         let mut view = commands.entity(entity);
         view.insert(environment_maps);
-        if ready {
-            view.insert((view_pipelines, SkipDeferredLighting));
-        } else if failed || lit_by_bevy {
-            view.remove::<(ViewPipelines, SkipDeferredLighting)>();
-        } else {
-            view.insert(SkipDeferredLighting).remove::<ViewPipelines>();
-        }
+        hand_over(&mut view, ready.then_some(view_pipelines), failed || lit_by_bevy);
     }
+}
+
+/// A view to our passes, or back to Bevy's; a view that Bevy has not lit before waits in the dark.
+fn hand_over(view: &mut EntityCommands, pipelines: Option<ViewPipelines>, to_bevy: bool) {
+    match pipelines {
+        Some(pipelines) => view.insert((pipelines, SkipDeferredLighting)),
+        None if to_bevy => view.remove::<(ViewPipelines, SkipDeferredLighting)>(),
+        None => view.insert(SkipDeferredLighting).remove::<ViewPipelines>(),
+    };
 }
