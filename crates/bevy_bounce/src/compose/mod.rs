@@ -3,7 +3,7 @@
 //! On cameras with [`GlobalIllumination`] this replaces Bevy's deferred lighting:
 //!
 //! 1. `surface` packs depth and normal of Bevy's G-buffer for the passes of a view.
-//! 2. `direct` lights with Bevy's own functions, and keeps the diffuse part aside.
+//! 2. `direct` lights with Bevy's own functions, and keeps the diffuse part aside. Its pipelines know the kinds of lights that there are.
 //! 3. Bounced light is shaded, compensated and averaged over frames.
 //! 4. Where Bevy's screen-space reflections are on, what they will show is taken from glossy light and from the mirrored sky.
 //! 5. `compose` adds up: direct + indirect * diffuse colour * occlusion + emission, then fog, before screen-space
