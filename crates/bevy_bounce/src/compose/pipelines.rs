@@ -429,7 +429,7 @@ pub(super) fn prepare_compose_pipelines(
             let reflects = targets > 0 && key.contains(MeshPipelineKey::SCREEN_SPACE_REFLECTIONS);
             ViewPipelines {
                 reflections: reflects.then(|| pipeline(Pass::Reflections { targets })),
-                direct: if is_ready(lean) { lean } else { direct },
+                direct: if is_ready(direct) && is_ready(lean) { lean } else { direct },
                 mirrors_ambient: environment_maps == EnvironmentMaps::Ambient,
                 compose: pipeline(Pass::Compose { indirect, glossy, coat, sky }),
                 isolate: gi.isolate.is_alone().then(|| pipeline(isolate)),
