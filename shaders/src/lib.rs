@@ -70,6 +70,7 @@ shaders! {
     "vpl/group_areas.wgsl" => ["add_group_areas"],
     "vpl/density.wgsl" => ["measure_density"],
     "vpl/bound.wgsl" => [],
+    "vpl/compact.wgsl" => [],
     "shadow_atlas/types.wgsl" => [],
     "shadow_atlas/tile.wgsl" => [],
     "shadow_atlas/masks.wgsl" => [],

@@ -51,6 +51,7 @@ pub fn rust_layouts() -> BTreeMap<String, Layout> {
         Region,
         Cell,
         Vpl,
+        CompactVpl,
         DeformJob,
         DeformChunk,
         ThumbnailJob,

@@ -19,12 +19,12 @@
 #import bevy_render::view::View
 #import bevy_bounce::fog::rays::{EyeRay, eye_ray, uv_to_ndc, position_in_view}
 #import bevy_bounce::fog::types::{FroxelParameters, froxel_distance}
-#import bevy_bounce::interleaved::gather::{header, vpls, is_visible}
+#import bevy_bounce::interleaved::gather::{header, is_visible}
 #import bevy_bounce::interleaved::surface::Surface
 #import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::groups::folded_index
 #import bevy_bounce::shared::sampling::PI
-#import bevy_bounce::vpl::types::light_area
+#import bevy_bounce::vpl::types::{Vpl, light_area}
 #ifdef SKY
 #import bevy_bounce::interleaved::sky::{scene, lights, FAR}
 #import bevy_bounce::shared::rays::{is_blocked, to_grid, Ray}
@@ -32,6 +32,7 @@
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var<uniform> froxels: FroxelParameters;
+@group(0) @binding(3) var<storage, read> vpls: array<Vpl>;
 // Pre-exposed radiance per unit of what scatters.
 @group(0) @binding(4) var output: texture_storage_3d<rgba16float, write>;
 // Reverse depth.
@@ -78,7 +79,7 @@ fn of_lights(position: vec3<f32>, ahead: vec3<f32>) -> vec3<f32> {
 #ifndef VISIBILITY_VOXEL
         point.normal = normalize(vpl.position - position);
 #endif
-        if is_visible(i, vpl, point) {
+        if is_visible(i, vpl.position, vpl.normal, point) {
             let slant = length(vec2<f32>(distance, radius));
             let disc = 2.0 * above / (distance * slant * (slant + distance));
             let spread = 0.5 + 0.5 * distance / length(vec2<f32>(distance, SPREAD * radius));

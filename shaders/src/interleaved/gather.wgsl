@@ -8,7 +8,8 @@
 #import bevy_bounce::interleaved::surface::Surface
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::vpl::bound::geometry_bound
-#import bevy_bounce::vpl::types::{Vpl, VplHeader, SUBSETS, subset_at, sky_subset_at}
+#import bevy_bounce::vpl::compact::{CompactVpl, UNIFORM_VPLS, flux_of}
+#import bevy_bounce::vpl::types::{VplHeader, SUBSETS, subset_at, sky_subset_at}
 #ifdef VISIBILITY_VOXEL
 #import bevy_bounce::shared::rays::{grid, is_blocked, to_grid, Ray}
 #endif
@@ -20,29 +21,34 @@
 #endif
 
 @group(0) @binding(2) var<storage, read> header: VplHeader;
-@group(0) @binding(3) var<storage, read> vpls: array<Vpl>;
+#ifdef FEW_LIGHTS
+@group(0) @binding(3) var<uniform> compact_vpls: array<CompactVpl, UNIFORM_VPLS>;
+#else
+@group(0) @binding(3) var<storage, read> compact_vpls: array<CompactVpl>;
+#endif
 
 // Voxels: a pixel is on a surface that the grid knows only as the mean of its voxel.
 const SURFACE_GAP: f32 = 0.25;
 
+/// Whether the light of that number in the list, and of that position and normal, sees a surface.
 #ifdef VISIBILITY_VOXEL
-fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
+fn is_visible(light: u32, position: vec3<f32>, normal: vec3<f32>, surface: Surface) -> bool {
     var ray: Ray;
-    ray.origin = to_grid(vpl.position);
+    ray.origin = to_grid(position);
     let to_surface = to_grid(surface.position) - ray.origin;
     ray.length = length(to_surface);
     ray.direction = to_surface / max(ray.length, 1e-6);
-    ray.start_normal = vpl.normal;
+    ray.start_normal = normal;
     ray.end_normal = surface.normal;
     ray.gap = SURFACE_GAP;
     return !is_blocked(ray);
 }
 #else ifdef VISIBILITY_ATLAS
-fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
-    return atlas_visible(light, vpl, surface.position, surface.normal);
+fn is_visible(light: u32, position: vec3<f32>, normal: vec3<f32>, surface: Surface) -> bool {
+    return atlas_visible(light, position, normal, surface.position, surface.normal);
 }
 #else
-fn is_visible(light: u32, vpl: Vpl, surface: Surface) -> bool {
+fn is_visible(light: u32, position: vec3<f32>, normal: vec3<f32>, surface: Surface) -> bool {
     return true;
 }
 #endif
@@ -72,7 +78,7 @@ fn whole_band(surface: Surface) -> Band {
 }
 
 /// Of a light, 1/m^2; above 0 where it counts.
-fn geometry_term(surface: Surface, vpl: Vpl, band: Band) -> f32 {
+fn geometry_term(surface: Surface, vpl: CompactVpl, band: Band) -> f32 {
     let to_vpl = vpl.position - surface.position;
     let square = max(dot(to_vpl, to_vpl), 1e-12);
     let direction = to_vpl * inverseSqrt(square);
@@ -84,10 +90,10 @@ fn geometry_term(surface: Surface, vpl: Vpl, band: Band) -> f32 {
 fn gather(surface: Surface, first: u32, end: u32, band: Band) -> vec3<f32> {
     var light = vec3<f32>(0.0);
     for (var i = first; i < end; i++) {
-        let vpl = vpls[i];
+        let vpl = compact_vpls[i];
         let term = geometry_term(surface, vpl, band);
-        if term > 0.0 && is_visible(i, vpl, surface) {
-            light += vpl.flux * term;
+        if term > 0.0 && is_visible(i, vpl.position, vpl.normal, surface) {
+            light += flux_of(vpl) * term;
         }
     }
     return light / (PI * PI);

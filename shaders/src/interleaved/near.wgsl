@@ -11,9 +11,10 @@
 
 #import bevy_render::view::View
 #import bevy_bounce::interleaved::brightest::BRIGHTEST_PART
-#import bevy_bounce::interleaved::gather::{Band, header, vpls, near_band, geometry_term, is_visible}
+#import bevy_bounce::interleaved::gather::{Band, header, compact_vpls, near_band, geometry_term, is_visible}
 #import bevy_bounce::interleaved::surface::{Surface, unpack_surface, is_same_surface, texels_shaded, PIXELS_A_TEXEL}
 #import bevy_bounce::shared::sampling::PI
+#import bevy_bounce::vpl::compact::{CompactVpl, flux_of}
 
 @group(0) @binding(0) var<uniform> view: View;
 @group(0) @binding(1) var surface_texture: texture_2d<u32>;
@@ -73,8 +74,7 @@ fn join_all(own: Bounds, lane: u32, takes_part: bool) -> Bounds {
 }
 
 // Whether it may be near to something within the bounds: by the least distance, and the largest cosines at it.
-fn is_near(light: u32, tile: Bounds) -> bool {
-    let vpl = vpls[light];
+fn is_near(vpl: CompactVpl, tile: Bounds) -> bool {
     let low = vpl.position - tile.high;
     let high = vpl.position - tile.low;
     let off = max(max(low, -high), vec3<f32>(0.0));
@@ -88,12 +88,13 @@ fn is_near(light: u32, tile: Bounds) -> bool {
     return cosines.x * cosines.y > tile.least * square;
 }
 
-// Marks of a thread for lights from there on, one in 64, a bit each.
-fn mark(tile: Bounds, first: u32) -> u32 {
-    var marked = 0u;
-    let end = select(first, header.count, tile.low.x <= tile.high.x);
-    for (var bit = 0u; bit < 32u && first + bit * THREADS < end; bit++) {
-        marked |= select(0u, 1u << bit, is_near(first + bit * THREADS, tile));
+// Marks of a thread, of either part, for lights from there on, one in 64, a bit each.
+fn mark(amid: Bounds, beside: Bounds, first: u32) -> vec2<u32> {
+    var marked = vec2<u32>(0u);
+    for (var bit = 0u; bit < 32u && first + bit * THREADS < header.count; bit++) {
+        let vpl = compact_vpls[first + bit * THREADS];
+        let near = vec2<bool>(is_near(vpl, amid), is_near(vpl, beside));
+        marked |= select(vec2<u32>(0u), vec2<u32>(1u << bit), near);
     }
     return marked;
 }
@@ -122,7 +123,7 @@ fn next(last: Search, first: u32, part: u32, surface: Surface, band: Band) -> Se
         }
         search.light = first + firstTrailingBit(search.left) * THREADS + search.word;
         search.left &= search.left - 1u;
-        search.term = geometry_term(surface, vpls[search.light], band);
+        search.term = geometry_term(surface, compact_vpls[search.light], band);
     }
     return search;
 }
@@ -151,7 +152,7 @@ fn near(
     let beside = join_all(own, lane, part == 1u);
     var light = vec3<f32>(0.0);
     for (var first = 0u; first < header.count; first += 32u * THREADS) {
-        let marked = vec2<u32>(mark(amid, first + lane), mark(beside, first + lane));
+        let marked = mark(amid, beside, first + lane);
         workgroupBarrier();
         marks[0][lane] = marked.x;
         marks[1][lane] = marked.y;
@@ -167,9 +168,9 @@ fn near(
             if search.term <= 0.0 {
                 break;
             }
-            let vpl = vpls[search.light];
-            if is_visible(search.light, vpl, surface) {
-                light += vpl.flux * search.term;
+            let vpl = compact_vpls[search.light];
+            if is_visible(search.light, vpl.position, vpl.normal, surface) {
+                light += flux_of(vpl) * search.term;
             }
         }
     }

@@ -7,7 +7,7 @@
 // Cost: a thread a face, about 35 operations a light; besides a ray, or the lookup of a depth, for those that face each other, and
 // 250 operations for those that are near.
 
-#import bevy_bounce::interleaved::gather::{header, vpls, is_visible}
+#import bevy_bounce::interleaved::gather::{header, is_visible}
 #import bevy_bounce::interleaved::surface::Surface
 #import bevy_bounce::probes::types::{ProbeParameters, ProbePlace, PROBE_FACES, PLACE_SURFACE, probe_count, place_kind}
 #import bevy_bounce::shared::groups::folded_index
@@ -18,6 +18,7 @@
 
 @group(0) @binding(0) var<uniform> parameters: ProbeParameters;
 @group(0) @binding(1) var<storage, read> places: array<ProbePlace>;
+@group(0) @binding(3) var<storage, read> vpls: array<Vpl>;
 // Irradiance over pi, cd/m^2.
 @group(0) @binding(4) var<storage, read_write> light: array<vec4<f32>>;
 
@@ -35,7 +36,7 @@ fn square_term(vpl: Vpl, to_vpl: vec3<f32>, normal: vec3<f32>) -> f32 {
 }
 
 // What is visible at a place.
-fn sees(place: ProbePlace, normal: vec3<f32>, i: u32, direction: vec3<f32>) -> bool {
+fn sees(place: ProbePlace, normal: vec3<f32>, i: u32, vpl: Vpl, direction: vec3<f32>) -> bool {
     let on_surface = place_kind(place) == PLACE_SURFACE;
     var surface: Surface;
     surface.position = place.position;
@@ -46,7 +47,7 @@ fn sees(place: ProbePlace, normal: vec3<f32>, i: u32, direction: vec3<f32>) -> b
 #else
     surface.normal = select(direction, normal, on_surface);
 #endif
-    return is_visible(i, vpls[i], surface);
+    return is_visible(i, vpl.position, vpl.normal, surface);
 }
 
 @compute @workgroup_size(64)
@@ -68,7 +69,7 @@ fn gather_probes(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocat
             let square = max(dot(to_vpl, to_vpl), 1e-12);
             let direction = to_vpl * inverseSqrt(square);
             let cosines = max(dot(normal, direction), 0.0) * max(-dot(vpl.normal, direction), 0.0);
-            if cosines > 0.0 && sees(place, normal, i, direction) {
+            if cosines > 0.0 && sees(place, normal, i, vpl, direction) {
                 near = square < NEAR * light_area(vpl);
                 sum += select(vpl.flux * (cosines / square), vec3<f32>(0.0), near);
             }

@@ -8,7 +8,6 @@
     AtlasParameters, TILE_EMPTY, DEPTH_STEPS, tile_frame, to_tile, texel_direction, word_of, texel_depth, texel_error,
     texel_normal,
 }
-#import bevy_bounce::vpl::types::Vpl
 
 @group(2) @binding(0) var<uniform> parameters: AtlasParameters;
 @group(2) @binding(1) var<storage, read> atlas: array<u32>;
@@ -23,9 +22,10 @@ const ROUNDING: f32 = 2.0;
 /// the surface lies before the plane of the point's own: what is on the same surface, flat or bent, or on one that meets it in a
 /// corner, does not hide it, however coarse the texel. No bias is needed but for what is rounded, and for what casts being coarser
 /// than what is seen.
-fn atlas_visible(light: u32, vpl: Vpl, position: vec3<f32>, normal: vec3<f32>) -> bool {
-    let frame = tile_frame(vpl.normal);
-    let to_surface = (position - vpl.position) * frame;
+/// `light`: its number in the list; `facing`: its normal.
+fn atlas_visible(light: u32, eye: vec3<f32>, facing: vec3<f32>, position: vec3<f32>, normal: vec3<f32>) -> bool {
+    let frame = tile_frame(facing);
+    let to_surface = (position - eye) * frame;
     let edge = f32(parameters.tile);
     let texel = min(vec2<u32>(to_tile(to_surface) * edge), vec2<u32>(parameters.tile - 1u));
     let word = atlas[word_of(parameters, light, texel)];

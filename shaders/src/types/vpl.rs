@@ -34,6 +34,22 @@ impl Vpl {
     }
 }
 
+/// What shading reads of a light of the list. See `vpl/compact.wgsl`.
+#[derive(ShaderType, Clone, Copy, Debug, Default, PartialEq)]
+pub struct CompactVpl {
+    /// World position.
+    pub position: Vec3,
+    /// Sum of the flux over red, green and blue, lumens.
+    pub flux: f32,
+    /// Unit normal.
+    pub normal: Vec3,
+    /// Shares of red and green in that sum, 2 unorm16.
+    pub shares: u32,
+}
+
+/// Lights of the list that a uniform buffer has room for.
+pub const UNIFORM_VPLS: u32 = 2048;
+
 /// Words known of a brick of the grid: lights times 2^15; candidates whose light falls into it, and of these those whose light
 /// meets something from there; area of the groups in it, in 1/65536 voxel faces.
 pub const BRICK_WORDS: u32 = 4;

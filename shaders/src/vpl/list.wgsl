@@ -20,6 +20,7 @@
 #import bevy_bounce::shared::control::is_within
 #import bevy_bounce::shared::grid::{Grid, grid_level, level_at, brick_at}
 #import bevy_bounce::shared::sampling::{waiting_time, PI}
+#import bevy_bounce::vpl::compact::{CompactVpl, compact}
 #import bevy_bounce::vpl::types::{
     Vpl, VplHeader, VplParameters, BRICK_WORDS, BRICK_LIGHTS, LIGHT_SHIFT, MET, vertex_slot, luminance,
 }
@@ -37,6 +38,8 @@
 @group(0) @binding(7) var<storage, read_write> bricks: array<atomic<u32>>;
 // By light of the order: its place in the list. See `cuts.wgsl`.
 @group(0) @binding(8) var<storage, read> nodes: array<u32>;
+// The list once more.
+@group(0) @binding(9) var<storage, read_write> compact_vpls: array<CompactVpl>;
 
 fn count_in_bricks(position: vec3<f32>, part: u32) {
     for (var level = level_at(grid, position); is_within(level, grid.further_count + 1u, position.x); level++) {
@@ -114,4 +117,5 @@ fn build_list(@builtin(global_invocation_id) id: vec3<u32>) {
     vpl.flux = flux / f32(header.path_count);
     vpl.incoming = bitcast<u32>(area_of(spread, end - first));
     vpls[nodes[light]] = vpl;
+    compact_vpls[nodes[light]] = compact(vpl);
 }

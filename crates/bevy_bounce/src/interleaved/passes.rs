@@ -50,8 +50,13 @@ pub(super) fn shade(
         |sky| bind_visibility(gi.settings.visibility, atlas.as_deref(), &grid, sky, ctx.render_device(), &cache);
     let Some((visibility, see_groups)) = bind_sight(sky) else { return };
     let sky_seen = textures.sky_seen.as_ref().filter(|_| sky.is_some());
-    let key =
-        PassesKey { visibility, resolution: gi.settings.resolution, sky: sky.is_some(), sky_seen: sky_seen.is_some() };
+    let key = PassesKey {
+        visibility,
+        resolution: gi.settings.resolution,
+        few_lights: vpl.fits_uniform(),
+        sky: sky.is_some(),
+        sky_seen: sky_seen.is_some(),
+    };
     p.passes(key, &shaders);
     let Some(key) = p.compiled(key, &cache) else { return };
     let sky_seen = sky_seen.filter(|_| key.sky_seen);
@@ -84,7 +89,7 @@ impl<'a> Inputs<'a> {
             self.view.clone(),
             texture(&self.textures.surface),
             whole(&self.vpl.header),
-            whole(&self.vpl.vpls),
+            whole(&self.vpl.compact_vpls),
             texture(output),
             self.grid.clone(),
             whole(&self.vpl.densities),

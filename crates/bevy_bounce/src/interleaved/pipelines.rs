@@ -17,6 +17,8 @@ use crate::{Resolution, VplVisibility};
 pub(super) struct PassesKey {
     pub visibility: VplVisibility,
     pub resolution: Resolution,
+    /// The list of lights fits into a uniform buffer.
+    pub few_lights: bool,
     /// Light straight from the sky, too.
     pub sky: bool,
     /// And how much of it is seen.
@@ -72,20 +74,25 @@ impl Passes {
         let light = texture_2d(TextureSampleType::Float { filterable: false });
         let output = texture_storage_2d(TextureFormat::Rgba16Float, StorageTextureAccess::WriteOnly);
         // View; surface; header, list; result; grid, densities; light so far; what of the sky is seen.
-        let all = [uniform, surface, read, read, output, uniform, read, light, output];
-        let (near, filter, shade) = (&all[..7], &all[..8], if key.sky_seen { &all[..] } else { &all[..8] });
+        let lights = if key.few_lights { uniform } else { read };
+        let all = [uniform, surface, read, lights, output, uniform, read, light, output];
+        let (filter, shade) = (&all[..8], if key.sky_seen { &all[..] } else { &all[..8] });
+        // Its threads read different lights, one by one from a uniform buffer.
+        let near = [uniform, surface, read, read, output, uniform, read];
         let groups = visibility_layouts(key.visibility, key.sky);
-        let kernel = |path, entry, bindings: &[_], sky_seen: bool| {
-            let defs = key.defs().into_iter().chain(sky_seen.then(|| "SKY_SEEN".into())).collect();
+        let kernel = |path, entry, bindings: &[_], defs: &[&'static str]| {
+            let defs = key.defs().into_iter().chain(defs.iter().map(|&def| def.into())).collect();
             Kernel::new(shaders, KernelDescriptor { path, entry, bindings, groups: &groups, defs })
         };
-        let columns = |sky_seen| kernel("interleaved/filter.wgsl", "filter_columns", filter, sky_seen);
+        let few: &[_] = if key.few_lights { &["FEW_LIGHTS"] } else { &[] };
+        let few_and_seen = [few, &["SKY_SEEN"]].concat();
+        let columns = |defs| kernel("interleaved/filter.wgsl", "filter_columns", filter, defs);
         Self {
-            near: kernel("interleaved/near.wgsl", "near", near, false),
-            shade: kernel("interleaved/shade.wgsl", "shade", shade, key.sky_seen),
-            rows: kernel("interleaved/filter.wgsl", "filter_rows", filter, false),
-            columns: columns(false),
-            sky_columns: key.sky_seen.then(|| columns(true)),
+            near: kernel("interleaved/near.wgsl", "near", &near, &[]),
+            shade: kernel("interleaved/shade.wgsl", "shade", shade, if key.sky_seen { &few_and_seen } else { few }),
+            rows: kernel("interleaved/filter.wgsl", "filter_rows", filter, &[]),
+            columns: columns(few),
+            sky_columns: key.sky_seen.then(|| columns(&few_and_seen)),
         }
     }
 }

@@ -153,6 +153,7 @@ impl<'a> Inputs<'a> {
             whole(&vpl.vpls),
             whole(&vpl.bricks),
             whole(&vpl.nodes),
+            whole(&vpl.compact_vpls),
         ]);
         let density = [self.parameters.clone(), whole(&vpl.bricks), whole(&vpl.densities)];
         LightGroups {

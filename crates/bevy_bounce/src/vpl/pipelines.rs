@@ -65,8 +65,8 @@ pub(super) fn init_pipelines(mut commands: Commands, shaders: Res<GiShaders>) {
     let weights = [read, read, read, write];
     // Parameters, grid; vertex count, pairs, starts; counters; nodes, steps, first vertices, header.
     let cuts = [uniform, uniform, read, read, read, read, write, write, write, write];
-    // Parameters, grid; vertices, pairs, first vertices, header; list, bricks; places in the list.
-    let list = [uniform, uniform, read, read, read, read, write, write, read];
+    // Parameters, grid; vertices, pairs, first vertices, header; list, bricks; places in the list; compact list.
+    let list = [uniform, uniform, read, read, read, read, write, write, read, write];
     // Geometry, instances, materials, thumbnails; grid, scene; chunks, queue, lists.
     let triangles = [read, read, read, read, uniform, uniform, read, write, write];
     // Queue; workgroups that take it.

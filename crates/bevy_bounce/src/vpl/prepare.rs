@@ -4,8 +4,8 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::{
-    BRICK_WORDS, CANDIDATES, CHUNK_TRIANGLES, Emitter, LIST_ENTRY_WORDS, NODE_STEPS, Path, Vpl, VplHeader,
-    VplParameters,
+    BRICK_WORDS, CANDIDATES, CHUNK_TRIANGLES, CompactVpl, Emitter, LIST_ENTRY_WORDS, NODE_STEPS, Path, UNIFORM_VPLS, Vpl,
+    VplHeader, VplParameters,
 };
 
 use crate::avg::VoxelGrid;
@@ -48,8 +48,9 @@ pub(crate) struct VplBuffers {
     pub bricks: Buffer,
     /// By brick: lights, times the scale of the bound; area of the surfaces, square world units.
     pub densities: Buffer,
-    /// The list.
+    /// The list; and once more as shading reads it, [`UNIFORM_VPLS`] lights at least.
     pub vpls: Buffer,
+    pub compact_vpls: Buffer,
     /// How many paths go on, one word; and the workgroups that take them. See `vpl/alive.wgsl`.
     pub alive_count: Buffer,
     pub alive_workgroups: Buffer,
@@ -81,6 +82,12 @@ impl VplBuffers {
             bricks: storage(device, "bounce_vpl_bricks", 4),
             densities: storage(device, "bounce_vpl_densities", 8),
             vpls: storage(device, "bounce_vpls", u64::from(parameters.capacity) * u64::from(Vpl::min_size())),
+            compact_vpls: device.create_buffer(&BufferDescriptor {
+                label: Some("bounce_compact_vpls"),
+                size: u64::from(parameters.capacity.max(UNIFORM_VPLS)) * u64::from(CompactVpl::min_size()),
+                usage: BufferUsages::STORAGE | BufferUsages::UNIFORM,
+                mapped_at_creation: false,
+            }),
             alive_count: storage(device, "bounce_paths_alive", 4),
             alive_workgroups: device.create_buffer(&BufferDescriptor {
                 label: Some("bounce_path_workgroups"),
@@ -92,6 +99,11 @@ impl VplBuffers {
             header: storage(device, "bounce_vpl_header", u64::from(VplHeader::min_size())),
             emitters: storage(device, "bounce_emitters", emitter_bytes(1)),
         }
+    }
+
+    /// Whether the list as shading reads it may be bound as a uniform buffer.
+    pub fn fits_uniform(&self) -> bool {
+        self.room.capacity <= UNIFORM_VPLS
     }
 
     /// What is too small is made anew.
@@ -147,7 +159,7 @@ impl VplBuffers {
                         .sum::<u64>(),
             ),
             ("vpl: triangles", self.triangle_lists.size()),
-            ("vpl: list", self.vpls.size() + self.header.size()),
+            ("vpl: list", self.vpls.size() + self.compact_vpls.size() + self.header.size()),
             ("vpl: emitters", self.emitters.size()),
         ]
     }
