@@ -1,11 +1,12 @@
 // Mean of a surface's light along a row or a column of texels, weighted by a tent: rows first and then columns give the mean
 // over a tent in both directions, at every pixel, also where a texel is two pixels wide.
 //
-// Cost: two loads a texel of the tent.
+// Cost: two loads and some 40 operations a texel of the tent.
 
 #define_import_path bevy_bounce::interleaved::tent
 
-#import bevy_bounce::interleaved::surface::{Surface, Lens, surface_of, is_same_surface}
+#import bevy_bounce::interleaved::surface::{Surface, Lens, NORMAL_EDGE, PLANE_EDGE}
+#import bevy_bounce::shared::octahedral::decode_unit
 
 /// Texels from the middle of the tent to where it ends: it weighs the sixteen subsets of the virtual lights alike, wherever it
 /// stands.
@@ -32,20 +33,35 @@ struct Line {
     pixels: u32,
 }
 
+// A linear function of homogeneous world coordinates as one along a line: what it is at its start, by how much it grows with each
+// texel, and with reverse-z depth.
+fn along(lens: Lens, line: Line, tent: Tent, function: vec4<f32>) -> vec3<f32> {
+    let start = vec2<f32>(line.pixel) + 0.5;
+    let step = vec2<f32>(line.axis * tent.scale);
+    let slope = vec2<f32>(dot(function, lens.x), dot(function, lens.y));
+    return vec3<f32>(dot(function, lens.origin) + dot(slope, start), dot(slope, step), dot(function, lens.depth));
+}
+
+// As `is_same_surface` has it: how far each texel's surface is off the plane of the middle's, without its place in the world.
 fn line_mean(
     lens: Lens, surfaces: texture_2d<u32>, light_texture: texture_2d<f32>, center: Surface, line: Line, tent: Tent,
 ) -> vec4<f32> {
     let reach = i32(tent.reach);
-    let place = f32(line.place) / f32(tent.scale);
-    let first = i32(place) - (reach - 1);
+    let middle = f32(line.place) / f32(tent.scale);
+    let first = i32(middle) - (reach - 1);
     // At half resolution it may stand between texels.
     let end = min(first + 2 * reach - 2 + i32(tent.scale), i32((line.pixels + tent.scale - 1u) / tent.scale));
+    let height = along(lens, line, tent, vec4<f32>(center.normal, -dot(center.normal, center.position)));
+    let scale = along(lens, line, tent, vec4<f32>(0.0, 0.0, 0.0, 1.0)) * (PLANE_EDGE * center.footprint);
     var sum = vec4<f32>(0.0);
     for (var i = max(first, 0); i < end; i++) {
         let pixel = line.pixel + line.axis * (u32(i) * tent.scale);
-        if is_same_surface(center, surface_of(lens, textureLoad(surfaces, pixel, 0).xy, pixel)) {
+        let surface = textureLoad(surfaces, pixel, 0).xy;
+        let place = vec3<f32>(1.0, f32(i), bitcast<f32>(surface.x));
+        let is_in_plane = place.z > 0.0 && abs(dot(height, place)) < abs(dot(scale, place));
+        if is_in_plane && dot(center.normal, decode_unit(surface.y)) > NORMAL_EDGE {
             let light = textureLoad(light_texture, line.texel + line.axis * u32(i), 0);
-            sum += vec4<f32>(light.rgb, 1.0) * (light.a * (f32(reach) - abs(f32(i) - place)));
+            sum += vec4<f32>(light.rgb, 1.0) * (light.a * (f32(reach) - abs(f32(i) - middle)));
         }
     }
     return vec4<f32>(sum.rgb / max(sum.w, 1e-6), sum.w / f32(reach * reach));
