@@ -1,7 +1,7 @@
 // Bounced light at a point: a sum over virtual lights, with a bounded geometry term and their visibility. Where there is a sky,
 // its light straight from there, too.
 //
-// Cost: about 30 operations a light; besides a ray, or the lookup of a depth, where visibility asks for it.
+// Cost: 32 bytes and about 30 operations a light; besides a ray, or the lookup of a depth, where visibility asks for it.
 
 #define_import_path bevy_bounce::interleaved::gather
 

@@ -47,6 +47,22 @@ pub struct CompactVpl {
     pub shares: u32,
 }
 
+impl CompactVpl {
+    /// Linear RGB flux, lumens.
+    pub fn flux(&self) -> Vec3 {
+        let [red, green] = [self.shares & 0xffff, self.shares >> 16].map(|share| share as f32 / 65535.0);
+        self.flux * Vec3::new(red, green, (1.0 - red - green).max(0.0))
+    }
+}
+
+impl From<&Vpl> for CompactVpl {
+    fn from(vpl: &Vpl) -> Self {
+        let flux = vpl.flux.element_sum();
+        let [red, green, _] = (vpl.flux / flux.max(1e-30) * 65535.0).round().to_array().map(|share| share as u32);
+        Self { position: vpl.position, flux, normal: vpl.normal, shares: red | green << 16 }
+    }
+}
+
 /// Lights of the list that a uniform buffer has room for.
 pub const UNIFORM_VPLS: u32 = 2048;
 

@@ -3,8 +3,8 @@
 use bevy::math::Vec3;
 use bevy_bounce::VplVisibility;
 use bevy_bounce_shaders::types::{
-    AtlasParameters, BRICK_WORDS, CANDIDATES, Grid, HILBERT_BITS, Instance, NODE_STEPS, Occluder, POINT_SUBSETS, Path,
-    SurfacePoint, Vpl, VplHeader, VplParameters, WorldPoint, tile_parts,
+    AtlasParameters, BRICK_WORDS, CANDIDATES, CompactVpl, Grid, HILBERT_BITS, Instance, NODE_STEPS, Occluder,
+    POINT_SUBSETS, Path, SurfacePoint, Vpl, VplHeader, VplParameters, WorldPoint, tile_parts,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::glb::{self, GlbScene};
@@ -62,6 +62,7 @@ fn light_up(scene: &TestScene, grid: &Grid, trace: Trace) -> Resources {
         .zeroed("bricks", bricks * BRICK_WORDS as usize)
         .zeroed("candidates", (PATHS * CANDIDATES) as usize)
         .structs("vpls", &vec![Vpl::default(); LIGHTS as usize])
+        .structs("compact_vpls", &vec![CompactVpl::default(); LIGHTS as usize])
         .structs("header", &[VplHeader::default()])
         .zeroed("vertex_count", 1)
         .zeroed("pairs", 2 * slots)

@@ -3,7 +3,7 @@
 use std::f32::consts::PI;
 
 use bevy::math::{UVec2, UVec3, Vec3};
-use bevy_bounce_shaders::types::{Grid, Vpl, VplHeader};
+use bevy_bounce_shaders::types::{CompactVpl, Grid, UNIFORM_VPLS, Vpl, VplHeader};
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::scene::run_with;
@@ -82,7 +82,7 @@ fn near_lights_are_found_among_all() {
         let resources = Resources::new(gpu())
             .bytes("view", &eye.uniform())
             .structs("header", &[header])
-            .structs("vpls", &lights)
+            .structs("compact_vpls", &lights.iter().map(CompactVpl::from).collect::<Vec<_>>())
             .uniform("grid", &Grid { voxel_size: 1.0, dims: UVec3::ONE, ..Default::default() })
             .floats("densities", &[DENSITY * scale, 1.0])
             .texture(
@@ -111,5 +111,59 @@ fn near_lights_are_found_among_all() {
         }
         println!("scale {scale}, a texel of {texel}: {lit} of {} have light from near", texels.element_product());
         assert_eq!(lit == 0, scale <= NEAR, "{lit} have near lights");
+    }
+}
+
+/// Light from all of the list.
+const WHOLE: &str = "
+    #import bevy_render::view::View
+    #import bevy_bounce::interleaved::gather::{header, gather, whole_band}
+    #import bevy_bounce::interleaved::surface::unpack_surface
+    @group(0) @binding(0) var<uniform> view: View;
+    @group(0) @binding(1) var surface_texture: texture_2d<u32>;
+    @group(0) @binding(4) var output: texture_storage_2d<rgba16float, write>;
+    @compute @workgroup_size(8, 8)
+    fn gather_whole(@builtin(global_invocation_id) id: vec3<u32>) {
+        let size = textureDimensions(surface_texture);
+        if all(id.xy < size) {
+            let surface = unpack_surface(textureLoad(surface_texture, id.xy, 0).xy, id.xy, size, view);
+            let light = gather(surface, 0u, header.count, whole_band(surface));
+            textureStore(output, id.xy, vec4<f32>(select(vec3<f32>(0.0), light, surface.valid), 1.0));
+        }
+    }";
+
+#[test]
+fn a_uniform_buffer_of_lights_shades_as_a_storage_buffer_does() {
+    let eye = room_eye(SIZE);
+    let gbuffer = eye.look(&room());
+    let mut list = [CompactVpl::default(); UNIFORM_VPLS as usize];
+    for (listed, vpl) in list.iter_mut().zip(&lights(&gbuffer)) {
+        *listed = vpl.into();
+    }
+    let shade = |defs: &[&str], resources: Resources| {
+        let header = VplHeader { count: UNIFORM_VPLS, bound_scale: 1.0, ..Default::default() };
+        let resources = resources
+            .bytes("view", &eye.uniform())
+            .structs("header", &[header])
+            .uniform("grid", &Grid { voxel_size: 1.0, dims: UVec3::ONE, ..Default::default() })
+            .floats("densities", &[DENSITY, 1.0])
+            .texture(
+                "surface_texture",
+                TextureFormat::Rg32Uint,
+                [SIZE.x, SIZE.y, 1],
+                false,
+                bytemuck::cast_slice(&gbuffer.surface),
+            )
+            .texture("output", TextureFormat::Rgba16Float, [SIZE.x, SIZE.y, 1], false, &[]);
+        let names: Vec<_> = defs.iter().map(|&name| name.into()).collect();
+        let kernel = gpu().kernel(&compose_source(WHOLE, "whole.wgsl", &names).expect("composes"), "gather_whole");
+        gpu().dispatch(&kernel.expect("the device takes it"), &resources, groups(SIZE)).expect("runs");
+        light(&resources, "output")
+    };
+    let stored = shade(&[], Resources::new(gpu()).structs("compact_vpls", &list));
+    let uniform = shade(&["FEW_LIGHTS"], Resources::new(gpu()).uniform("compact_vpls", &list));
+    assert!(stored.iter().any(|light| light.x > 0.1), "it is lit");
+    for (pixel, (stored, uniform)) in pixels(SIZE).zip(stored.into_iter().zip(uniform)) {
+        assert!(is_close(stored, uniform), "{pixel}: {stored}, and {uniform} by a uniform buffer");
     }
 }

@@ -7,8 +7,8 @@ use std::f32::consts::PI;
 
 use bevy::math::{Affine3A, Quat, Vec3};
 use bevy_bounce_shaders::types::{
-    BRICK_WORDS, CANDIDATES, Grid, HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPOT, Light,
-    NODE_STEPS, Path, Vpl, VplHeader, VplParameters,
+    BRICK_WORDS, CANDIDATES, CompactVpl, Grid, HILBERT_BITS, LIGHT_DIRECTIONAL, LIGHT_POINT, LIGHT_RECT, LIGHT_SPOT,
+    Light, NODE_STEPS, Path, Vpl, VplHeader, VplParameters,
 };
 use bevy_bounce_tests::compose::compose_source;
 use bevy_bounce_tests::gpu::{Resources, gpu};
@@ -54,6 +54,7 @@ impl Traced {
             .zeroed("bricks", bricks * BRICK_WORDS as usize)
             .zeroed("candidates", (PATHS * CANDIDATES) as usize)
             .structs("vpls", &vec![Vpl::default(); parameters.capacity as usize])
+            .structs("compact_vpls", &vec![CompactVpl::default(); parameters.capacity as usize])
             .structs("header", &[VplHeader::default()]);
         let emissive = scene.chunks(|i| scene.materials[i.material as usize].emissive != Vec3::ZERO).len() as u32;
         if emissive > 0 {

@@ -56,7 +56,7 @@ fn variants_are_found() {
     let both = vec![accumulate.clone(), emission.clone()];
     assert_eq!(variants(source), [vec![], vec![accumulate], vec![emission], both]);
     let shade = bevy_bounce_shaders::shader("interleaved/shade.wgsl").expect("there is such a shader").source;
-    assert_eq!(variants(&with_imports(shade)).len(), 32, "what it imports has variants, too");
+    assert_eq!(variants(&with_imports(shade)).len(), 64, "what it imports has variants, too");
 }
 
 #[test]

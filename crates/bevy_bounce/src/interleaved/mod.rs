@@ -10,6 +10,9 @@
 //! among all, as in tiled shading. A light that only a sixteenth of them knew of would be a spot sixteen times as bright, which no tent
 //! hides beside an edge.
 //!
+//! Threads of `shade` read the same light at once: up to 2048 lights are a uniform buffer there, which costs least so; more are a storage
+//! buffer, as they are for `near`, whose threads read different ones.
+//!
 //! Where there is a sky, each pixel also sends rays in a sixteenth of its directions: see `interleaved/sky.wgsl`. What share of its light
 //! they find is joined in the same way into `sky_seen`, for what surfaces mirror of an environment map.
 //!

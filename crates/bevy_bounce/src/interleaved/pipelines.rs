@@ -77,7 +77,7 @@ impl Passes {
         let lights = if key.few_lights { uniform } else { read };
         let all = [uniform, surface, read, lights, output, uniform, read, light, output];
         let (filter, shade) = (&all[..8], if key.sky_seen { &all[..] } else { &all[..8] });
-        // Its threads read different lights, one by one from a uniform buffer.
+        // Its threads read different lights, which a uniform buffer gives one after the other.
         let near = [uniform, surface, read, read, output, uniform, read];
         let groups = visibility_layouts(key.visibility, key.sky);
         let kernel = |path, entry, bindings: &[_], defs: &[&'static str]| {

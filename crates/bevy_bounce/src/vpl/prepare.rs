@@ -4,8 +4,8 @@ use bevy::prelude::*;
 use bevy::render::render_resource::{Buffer, BufferDescriptor, BufferUsages, ShaderType, UniformBuffer};
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy_bounce_shaders::types::{
-    BRICK_WORDS, CANDIDATES, CHUNK_TRIANGLES, CompactVpl, Emitter, LIST_ENTRY_WORDS, NODE_STEPS, Path, UNIFORM_VPLS, Vpl,
-    VplHeader, VplParameters,
+    BRICK_WORDS, CANDIDATES, CHUNK_TRIANGLES, CompactVpl, Emitter, LIST_ENTRY_WORDS, NODE_STEPS, Path, UNIFORM_VPLS,
+    Vpl, VplHeader, VplParameters,
 };
 
 use crate::avg::VoxelGrid;

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use bevy::math::{Affine3A, Quat, Vec3};
-use bevy_bounce_shaders::types::{SUBSETS, Vpl};
+use bevy_bounce_shaders::types::{CompactVpl, SUBSETS, Vpl};
 use bevy_bounce_tests::gpu::gpu;
 use bevy_bounce_tests::scene::{TestScene, run};
 
@@ -216,5 +216,19 @@ fn one_lamp_leaves_the_lights_of_others() {
         println!("without lamp {off}: of {} lights {kept} are where they were, {same} in their subset", all.len());
         assert!(kept * 10 > all.len() * 9, "without lamp {off}, {kept} of {} lights are where they were", all.len());
         assert!(same * 5 > all.len(), "without lamp {off}, {same} of {} lights are in their subset", all.len());
+    }
+}
+
+#[test]
+fn shading_reads_the_list_as_it_is() {
+    let mut scene = room(Vec3::new(0.9, 0.4, 0.0));
+    scene.lights.push(point_light(Vec3::new(0.5, 1.7, 0.2), Vec3::new(3.0, 2.0, 1.0)));
+    let (traced, header, list) = Traced::new(&scene, 0.2, 6).list();
+    let compact = traced.resources.read_structs::<CompactVpl>("compact_vpls").expect("reads back");
+    assert!(header.count > 900);
+    for (vpl, compact) in list.iter().zip(&compact).take(header.count as usize) {
+        assert_eq!((vpl.position, vpl.normal), (compact.position, compact.normal));
+        let off = vpl.flux.distance(compact.flux());
+        assert!(vpl.flux.x > 0.0 && off < 3e-5 * vpl.flux.element_sum(), "{vpl:?}: {}", compact.flux());
     }
 }
