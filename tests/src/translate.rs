@@ -145,6 +145,8 @@ pub struct Demand {
     pub samplers: u32,
     /// Uniform buffers.
     pub uniform_buffers: u32,
+    /// Bytes of the largest of them.
+    pub uniform_bytes: u32,
     /// Threads of a workgroup.
     pub threads: u32,
     /// Longest axis of a workgroup: x, y, z.
@@ -176,7 +178,10 @@ impl Demand {
             let inner = &module.types[variable.ty].inner;
             match (variable.space, inner) {
                 (AddressSpace::Storage { .. }, _) => demand.storage_buffers += 1,
-                (AddressSpace::Uniform, _) => demand.uniform_buffers += 1,
+                (AddressSpace::Uniform, _) => {
+                    demand.uniform_buffers += 1;
+                    demand.uniform_bytes = demand.uniform_bytes.max(inner.size(module.to_ctx()));
+                }
                 (AddressSpace::WorkGroup, _) => {
                     demand.workgroup_bytes += inner.size(module.to_ctx()).next_multiple_of(16);
                 }
@@ -198,6 +203,7 @@ impl Demand {
             ("sampled textures", self.sampled_textures, 16),
             ("samplers", self.samplers, 16),
             ("uniform buffers", self.uniform_buffers, 12),
+            ("bytes of a uniform buffer", self.uniform_bytes, 65536),
             ("threads a workgroup", self.threads, 256),
             ("workgroup size x", self.workgroup[0], 256),
             ("workgroup size y", self.workgroup[1], 256),

@@ -84,6 +84,7 @@ pub(crate) fn missing_limit(offered: &WgpuLimits) -> Option<MissingLimit> {
         max_storage_buffers_per_shader_stage,
         max_storage_textures_per_shader_stage,
         max_uniform_buffers_per_shader_stage,
+        max_uniform_buffer_binding_size,
         max_storage_buffer_binding_size,
     ]
     .into_iter()

@@ -83,8 +83,8 @@ pub struct GiSettings {
     /// another.
     #[reflect(@1.0..=1e4_f32)]
     pub range: f32,
-    /// Virtual point lights, 16 to 65536. Each pixel is lit by a sixteenth of them, and by those near to it; cost is proportional. More than
-    /// 2048 do not fit into a uniform buffer, from which they are read faster.
+    /// Virtual point lights, 16 to 65536. Each pixel is lit by a sixteenth of them, and by those near to it; cost is
+    /// proportional. More than 2048 do not fit into a uniform buffer, from which they are read faster.
     #[reflect(@16..=65536_u32)]
     pub vpls: u32,
     /// Longest path, in bounces, 1 to 31. Roulette ends most paths earlier; what a limit of n leaves out of a room of

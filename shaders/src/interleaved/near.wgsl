@@ -5,9 +5,9 @@
 // either, 2048 at a time, as in tiled shading (Andersson 2009), and its threads go through the marks of their part, in the same order
 // in each run.
 //
-// Cost: a thread tests a 64th of the lights against one box or two, 15 operations each, 30 more for those that are close, and goes through those marked. In the
-// Cornell box at 640x360 and half resolution, with 2048 lights, these are 50 in the mean, and less than 15 for half of the texels;
-// 4 of them count. See `gather.wgsl` for what one costs. 4.5 KiB of workgroup memory.
+// Cost: a thread tests a 64th of the lights against one box or two, 15 operations each and 30 more for those that are close, and goes
+// through those marked. In the Cornell box at 640x360 and half resolution, with 2048 lights, these are 50 in the mean, and less than 15
+// for half of the texels; 4 of them count. See `gather.wgsl` for what one costs. 4.5 KiB of workgroup memory.
 
 #import bevy_render::view::View
 #import bevy_bounce::interleaved::brightest::BRIGHTEST_PART

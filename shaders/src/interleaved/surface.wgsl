@@ -30,6 +30,8 @@ struct Lens {
     down: vec3<f32>,
     // Length of the latter.
     pixel: f32,
+    // World space.
+    eye: vec3<f32>,
 }
 
 /// Of a view of that many pixels.
@@ -45,6 +47,7 @@ fn lens_of(view: View, size: vec2<u32>) -> Lens {
     lens.right = lens.x.xyz - view.world_position * lens.x.w;
     lens.down = lens.y.xyz - view.world_position * lens.y.w;
     lens.pixel = length(lens.down);
+    lens.eye = view.world_position;
     return lens;
 }
 
@@ -91,6 +94,7 @@ const NORMAL_EDGE: f32 = 0.85;
 /// Pixels off the plane of the surface beyond which there is an edge.
 const PLANE_EDGE: f32 = 2.0;
 
+/// `interleaved/tent.wgsl` asks the same for many along a line.
 fn is_same_surface(a: Surface, b: Surface) -> bool {
     let off_plane = abs(dot(a.normal, b.position - a.position));
     return b.valid && dot(a.normal, b.normal) > NORMAL_EDGE && off_plane < PLANE_EDGE * a.footprint;

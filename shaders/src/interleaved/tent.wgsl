@@ -1,7 +1,7 @@
 // Mean of a surface's light along a row or a column of texels, weighted by a tent: rows first and then columns give the mean
 // over a tent in both directions, at every pixel, also where a texel is two pixels wide.
 //
-// Cost: two loads and some 40 operations a texel of the tent.
+// Cost: a load; two more, and some 40 operations, a texel of the tent.
 
 #define_import_path bevy_bounce::interleaved::tent
 
@@ -33,16 +33,19 @@ struct Line {
     pixels: u32,
 }
 
-// A linear function of homogeneous world coordinates as one along a line: what it is at its start, by how much it grows with each
-// texel, and with reverse-z depth.
+// A linear function of homogeneous coordinates, relative to the eye, as one along a line: what it is at its start, by how much it grows
+// with each texel, and with reverse-z depth.
 fn along(lens: Lens, line: Line, tent: Tent, function: vec4<f32>) -> vec3<f32> {
     let start = vec2<f32>(line.pixel) + 0.5;
     let step = vec2<f32>(line.axis * tent.scale);
-    let slope = vec2<f32>(dot(function, lens.x), dot(function, lens.y));
-    return vec3<f32>(dot(function, lens.origin) + dot(slope, start), dot(slope, step), dot(function, lens.depth));
+    // Of world coordinates.
+    let of_world = vec4<f32>(function.xyz, function.w - dot(function.xyz, lens.eye));
+    let slope = vec2<f32>(dot(of_world, lens.x), dot(of_world, lens.y));
+    return vec3<f32>(dot(of_world, lens.origin) + dot(slope, start), dot(slope, step), dot(of_world, lens.depth));
 }
 
-// As `is_same_surface` has it: how far each texel's surface is off the plane of the middle's, without its place in the world.
+// Of texels whose surface is that of the middle's, as `is_same_surface` has it: by how far off its plane they are, without their places
+// in the world, far from whose origin these are coarse.
 fn line_mean(
     lens: Lens, surfaces: texture_2d<u32>, light_texture: texture_2d<f32>, center: Surface, line: Line, tent: Tent,
 ) -> vec4<f32> {
@@ -51,14 +54,18 @@ fn line_mean(
     let first = i32(middle) - (reach - 1);
     // At half resolution it may stand between texels.
     let end = min(first + 2 * reach - 2 + i32(tent.scale), i32((line.pixels + tent.scale - 1u) / tent.scale));
-    let height = along(lens, line, tent, vec4<f32>(center.normal, -dot(center.normal, center.position)));
-    let scale = along(lens, line, tent, vec4<f32>(0.0, 0.0, 0.0, 1.0)) * (PLANE_EDGE * center.footprint);
+    let depth = bitcast<f32>(textureLoad(surfaces, line.pixel + line.axis * line.place, 0).x);
+    let center_place = vec3<f32>(1.0, middle, depth);
+    let w = along(lens, line, tent, vec4<f32>(0.0, 0.0, 0.0, 1.0));
+    let across = along(lens, line, tent, vec4<f32>(center.normal, 0.0));
+    let height = across - w * (dot(across, center_place) / dot(w, center_place));
+    let range = PLANE_EDGE * center.footprint;
     var sum = vec4<f32>(0.0);
     for (var i = max(first, 0); i < end; i++) {
         let pixel = line.pixel + line.axis * (u32(i) * tent.scale);
         let surface = textureLoad(surfaces, pixel, 0).xy;
         let place = vec3<f32>(1.0, f32(i), bitcast<f32>(surface.x));
-        let is_in_plane = place.z > 0.0 && abs(dot(height, place)) < abs(dot(scale, place));
+        let is_in_plane = place.z > 0.0 && abs(dot(height, place)) < range * abs(dot(w, place));
         if is_in_plane && dot(center.normal, decode_unit(surface.y)) > NORMAL_EDGE {
             let light = textureLoad(light_texture, line.texel + line.axis * u32(i), 0);
             sum += vec4<f32>(light.rgb, 1.0) * (light.a * (f32(reach) - abs(f32(i) - middle)));

@@ -193,8 +193,10 @@ fn pairs(glb: &GlbScene, rays: &Rays, vpls: &[Vpl], count: usize) -> (Vec<Pair>,
 /// What lights see of each pair by the shipped shader.
 fn ask(resources: Resources, visibility: VplVisibility, pairs: &[Pair]) -> Vec<bool> {
     const LOOK: &str = "
-        #import bevy_bounce::interleaved::gather::{is_visible, vpls}
+        #import bevy_bounce::interleaved::gather::is_visible
         #import bevy_bounce::interleaved::surface::Surface
+        #import bevy_bounce::vpl::types::Vpl
+        @group(0) @binding(9) var<storage, read> vpls: array<Vpl>;
         @group(0) @binding(10) var<storage, read> points: array<vec4<f32>>;
         @group(0) @binding(11) var<storage, read_write> seen: array<u32>;
         @compute @workgroup_size(64)
@@ -202,7 +204,7 @@ fn ask(resources: Resources, visibility: VplVisibility, pairs: &[Pair]) -> Vec<b
             if id.x < arrayLength(&seen) {
                 let light = u32(points[2u * id.x].w);
                 let surface = Surface(points[2u * id.x].xyz, points[2u * id.x + 1u].xyz, 0.0, true);
-                seen[id.x] = u32(is_visible(light, vpls[light], surface));
+                seen[id.x] = u32(is_visible(light, vpls[light].position, vpls[light].normal, surface));
             }
         }";
     let packed: Vec<f32> = pairs

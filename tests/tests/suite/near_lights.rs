@@ -156,7 +156,12 @@ fn a_uniform_buffer_of_lights_shades_as_a_storage_buffer_does() {
             )
             .texture("output", TextureFormat::Rgba16Float, [SIZE.x, SIZE.y, 1], false, &[]);
         let names: Vec<_> = defs.iter().map(|&name| name.into()).collect();
-        let kernel = gpu().kernel(&compose_source(WHOLE, "whole.wgsl", &names).expect("composes"), "gather_whole");
+        let composed = compose_source(WHOLE, "whole.wgsl", &names).expect("composes");
+        let mut spaces = composed.module.global_variables.iter().map(|(_, variable)| variable);
+        let list = spaces.find(|variable| variable.binding.is_some_and(|binding| binding.binding == 3));
+        let is_uniform = list.map(|variable| variable.space == naga::AddressSpace::Uniform);
+        assert_eq!(is_uniform, Some(!defs.is_empty()), "of {defs:?}");
+        let kernel = gpu().kernel(&composed, "gather_whole");
         gpu().dispatch(&kernel.expect("the device takes it"), &resources, groups(SIZE)).expect("runs");
         light(&resources, "output")
     };

@@ -53,10 +53,11 @@ impl InterleavedPipelines {
         self.0.entry(key).or_insert_with(|| Passes::new(key, shaders))
     }
 
-    /// The key itself, once its kernels are compiled; until then, of those whose are, the one that leaves out the least of the sky.
-    /// `None` while there is none.
+    /// The key itself, once its kernels are compiled; until then, of those whose are, the one that leaves out the least of the sky; few
+    /// lights may be shaded as many. `None` while there is none.
     pub fn compiled(&self, key: PassesKey, cache: &PipelineCache) -> Option<PassesKey> {
-        let less = [PassesKey { sky_seen: false, ..key }, PassesKey { sky: false, sky_seen: false, ..key }];
+        let more = PassesKey { few_lights: false, ..key };
+        let less = [more, PassesKey { sky_seen: false, ..key }, PassesKey { sky: false, sky_seen: false, ..key }];
         let is_ready = |key: &PassesKey| self.0.get(key).is_some_and(|passes| passes.are_ready(cache));
         [key].into_iter().chain(less).find(is_ready)
     }

@@ -15,7 +15,7 @@
 //! | `bricks` | 8 KiB | lights in each brick of the grid, what light from the candidates falls into it, and area of groups |
 //! | `densities` | 4 KiB | lights and area of the surfaces in each brick |
 //! | `vpls` | 48 KiB | the list: position, normal, flux, area of the surface it stands for |
-//! | `compact_vpls` | 64 KiB, up to 2048 lights | position, normal and flux of each again, as shading reads them: see `vpl/compact.wgsl` |
+//! | `compact_vpls` | 64 KiB, 32 B a light above 2048 | position, normal and flux of each again, as shading reads them: see `vpl/compact.wgsl` |
 //! | `alive_count`, `alive_workgroups` | 16 B | how many paths go on; which these are is in `paths` |
 //! | `triangle_lists` | 3 MiB at 64^3 voxels, 30 B a triangle | the triangles in each voxel |
 //! | `header` | 80 B | where each of the sixteen subsets begins, paths, mean bound of the geometry term |

@@ -101,7 +101,7 @@ impl VplBuffers {
         }
     }
 
-    /// Whether the list as shading reads it may be bound as a uniform buffer.
+    /// Whether the list as shading reads it may be bound as a uniform buffer: by the lights stated, so that a budget does not change it.
     pub fn fits_uniform(&self) -> bool {
         self.room.capacity <= UNIFORM_VPLS
     }

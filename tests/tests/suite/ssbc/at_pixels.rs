@@ -2,7 +2,9 @@
 
 use std::collections::HashSet;
 
-use bevy::math::{UVec2, Vec2, Vec3};
+use bevy::camera::{CameraProjection, PerspectiveProjection};
+use bevy::math::{Mat4, UVec2, Vec2, Vec3};
+use bevy::prelude::Transform;
 use bevy_bounce_shaders::types::{SSBC_REPAIR_HEADER, SsbcParameters};
 use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::scene::run;
@@ -63,6 +65,69 @@ fn samples_are_spread_within_surfaces_and_seams_are_integrated_anew() {
     assert!(seams > 200 && listed > seams, "{seams} pixels at seams, {listed} with poles");
 }
 
+/// The blurred light of texels, and the pixels listed.
+fn blur(
+    eye: &Eye,
+    gbuffer: &GBuffer,
+    (scale, reach): (u32, u32),
+    light: &dyn Fn(UVec2) -> f32,
+) -> (Vec<Vec3>, HashSet<usize>) {
+    let texels = eye.size.map(|pixels| pixels.div_ceil(scale));
+    let samples: Vec<_> = pixels(texels).map(|texel| Vec3::splat(light(texel)).extend(1.0)).collect();
+    let texture = |resources: Resources, name: &str, size: UVec2, texels: &[u8]| {
+        resources.texture(name, TextureFormat::Rgba16Float, [size.x, size.y, 1], false, texels)
+    };
+    let surface = bytemuck::cast_slice(&gbuffer.surface);
+    let resources = Resources::new(gpu())
+        .bytes("view", &eye.uniform())
+        .uniform("parameters", &SsbcParameters { scale, reach, ..PARAMETERS })
+        .texture("surface_texture", TextureFormat::Rg32Uint, [eye.size.x, eye.size.y, 1], false, surface)
+        .zeroed("repairs", (SSBC_REPAIR_HEADER + eye.size.element_product()) as usize);
+    let resources = texture(resources, "light_texture", texels, &half_texels(&samples));
+    let resources = texture(resources, "rows", eye.size, &[]);
+    let resources = texture(resources, "columns", eye.size, &[]).alias("rows", "output");
+    run(gpu(), "ssbc/blur.wgsl", "blur_rows", &resources, groups(eye.size));
+    let resources = resources.alias("rows", "light_texture").alias("columns", "output");
+    run(gpu(), "ssbc/blur.wgsl", "blur_columns", &resources, groups(eye.size));
+    (super::light(&resources, "columns"), listed(&resources, eye.size))
+}
+
+/// Whatever the lens and wherever the eye, and where pixels are narrower than places in the world are apart: what is even stays even,
+/// and none comes across a seam.
+#[test]
+fn tents_know_surfaces_by_any_lens_and_anywhere() {
+    let (size, aspect) = (UVec2::new(101, 67), 101.0 / 67.0);
+    let lens = |fov: f32| PerspectiveProjection { fov, aspect_ratio: aspect, ..Default::default() };
+    let near_clip_plane = Vec3::new(0.2, 0.3, -1.0).normalize().extend(-0.1);
+    let oblique = PerspectiveProjection { near_clip_plane, ..lens(0.6) }.get_clip_from_view();
+    let parallel = Mat4::orthographic_rh(-0.5 * aspect, 0.5 * aspect, -0.5, 0.5, 20.0, 0.1);
+    let wide = lens(0.6).get_clip_from_view();
+    let cases =
+        [("oblique", oblique, 0.0), ("parallel", parallel, 0.0), ("far", wide, 2e3), ("parallel, far", parallel, 2e3)];
+    for (name, clip_from_view, away) in cases {
+        let at = away * Vec3::new(1.0, 0.1, -0.7);
+        let place = Transform::from_translation(at + Vec3::new(0.0, 1.6, 1.6)).looking_at(at, Vec3::Y);
+        let eye = Eye { size, place, clip_from_view };
+        let part = |corner: [f32; 3], a, b| (panel((at + Vec3::from(corner)).to_array(), a, b), Vec3::ONE);
+        let floor = part([-2.0, 0.0, 0.0], [0.0, 0.0, 2.0], [4.0, 0.0, 0.0]);
+        let wall = part([-2.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
+        let gbuffer = eye.look(&[floor, wall]);
+        let lit = |pixel: UVec2| {
+            let on_floor = gbuffer.surface_at(pixel).is_some_and(|(_, normal, _)| normal.y > 0.9);
+            f32::from(u8::from(on_floor))
+        };
+        for (scale, reach) in [(1, 4), (2, 4)] {
+            let (even, few) = blur(&eye, &gbuffer, (scale, reach), &|texel| lit(texel * scale));
+            assert!(few.is_empty(), "{name}: {} pixels listed of two large surfaces", few.len());
+            let on_floor = pixels(size).filter(|&pixel| lit(pixel) > 0.0).count();
+            assert!((1000..6000).contains(&on_floor), "{name}: {on_floor} pixels show the floor");
+            for (pixel, light) in pixels(size).zip(even) {
+                assert!((light.x - lit(pixel)).abs() < 1e-3, "{name}, {pixel}: {light}, scale {scale}");
+            }
+        }
+    }
+}
+
 /// A tent within each surface, as wide as that of bounded light, of either resolution: what is even stays even, none comes across
 /// a seam, a single sample becomes the tent, and at half resolution pixels of whose surface there is no sample are listed.
 #[test]
@@ -75,26 +140,7 @@ fn the_blur_is_a_tent_within_a_surface() {
     let gbuffer = eye.look(&[floor(), wall()]);
     let is_floor = |pixel: UVec2| gbuffer.surface_at(pixel).is_some_and(|(_, normal, _)| normal.y > 0.9);
     for (scale, reach) in [(1, 4), (1, 8), (2, 4), (2, 2)] {
-        let texels = eye.size.map(|pixels| pixels.div_ceil(scale));
-        let blurred = |gbuffer: &GBuffer, light: &dyn Fn(UVec2) -> f32| {
-            let samples: Vec<_> = pixels(texels).map(|texel| Vec3::splat(light(texel)).extend(1.0)).collect();
-            let texture = |resources: Resources, name: &str, size: UVec2, texels: &[u8]| {
-                resources.texture(name, TextureFormat::Rgba16Float, [size.x, size.y, 1], false, texels)
-            };
-            let surface = bytemuck::cast_slice(&gbuffer.surface);
-            let resources = Resources::new(gpu())
-                .bytes("view", &eye.uniform())
-                .uniform("parameters", &SsbcParameters { scale, reach, ..PARAMETERS })
-                .texture("surface_texture", TextureFormat::Rg32Uint, [eye.size.x, eye.size.y, 1], false, surface)
-                .zeroed("repairs", (SSBC_REPAIR_HEADER + eye.size.element_product()) as usize);
-            let resources = texture(resources, "light_texture", texels, &half_texels(&samples));
-            let resources = texture(resources, "rows", eye.size, &[]);
-            let resources = texture(resources, "columns", eye.size, &[]).alias("rows", "output");
-            run(gpu(), "ssbc/blur.wgsl", "blur_rows", &resources, groups(eye.size));
-            let resources = resources.alias("rows", "light_texture").alias("columns", "output");
-            run(gpu(), "ssbc/blur.wgsl", "blur_columns", &resources, groups(eye.size));
-            (super::light(&resources, "columns"), listed(&resources, eye.size))
-        };
+        let blurred = |gbuffer: &GBuffer, light: &dyn Fn(UVec2) -> f32| blur(&eye, gbuffer, (scale, reach), light);
         let (even, few) = blurred(&gbuffer, &|texel| f32::from(u8::from(is_floor(texel * scale))));
         assert!(few.is_empty(), "{} pixels listed of two large surfaces", few.len());
         for (pixel, light) in pixels(eye.size).zip(even) {
