@@ -11,7 +11,7 @@ use bevy_bounce_tests::twins::random::Random;
 use bevy_bounce_tests::twins::ssbc::GBuffer;
 use wgpu::TextureFormat;
 
-use crate::ssbc::{groups, light, pixels, room, room_eye};
+use crate::ssbc::{Eye, groups, light, pixels, room, room_eye};
 
 /// More than are marked at a time.
 const LIGHTS: usize = 3000;
@@ -43,6 +43,17 @@ fn near_term(position: Vec3, normal: Vec3, vpl: &Vpl, scale: f32) -> f32 {
     let cosines = normal.dot(direction).max(0.0) * (-vpl.normal.dot(direction)).max(0.0);
     let bound = DENSITY * scale;
     (cosines / to_vpl.length_squared().max(1e-12)).min(bound) - (NEAR * DENSITY).min(bound)
+}
+
+/// What is seen, amid lights as dense as `DENSITY` at the header's scale.
+fn seen(eye: &Eye, gbuffer: &GBuffer, header: VplHeader) -> Resources {
+    let surface = bytemuck::cast_slice(&gbuffer.surface);
+    Resources::new(gpu())
+        .bytes("view", &eye.uniform())
+        .structs("header", &[header])
+        .uniform("grid", &Grid { voxel_size: 1.0, dims: UVec3::ONE, ..Default::default() })
+        .floats("densities", &[DENSITY * header.bound_scale, 1.0])
+        .texture("surface_texture", TextureFormat::Rg32Uint, [SIZE.x, SIZE.y, 1], false, surface)
 }
 
 /// What all lights bring but the interleaved part of them.
@@ -79,19 +90,8 @@ fn near_lights_are_found_among_all() {
         let defs: &[&str] = if texel == 2 { &["HALF_RESOLUTION"] } else { &[] };
         let header = VplHeader { count: LIGHTS as u32, bound_scale: scale, ..Default::default() };
         let target = [texels.x, texels.y, 1];
-        let resources = Resources::new(gpu())
-            .bytes("view", &eye.uniform())
-            .structs("header", &[header])
+        let resources = seen(&eye, &gbuffer, header)
             .structs("compact_vpls", &lights.iter().map(CompactVpl::from).collect::<Vec<_>>())
-            .uniform("grid", &Grid { voxel_size: 1.0, dims: UVec3::ONE, ..Default::default() })
-            .floats("densities", &[DENSITY * scale, 1.0])
-            .texture(
-                "surface_texture",
-                TextureFormat::Rg32Uint,
-                [SIZE.x, SIZE.y, 1],
-                false,
-                bytemuck::cast_slice(&gbuffer.surface),
-            )
             .texture("output", TextureFormat::Rgba16Float, target, false, &[])
             .texture("rest", TextureFormat::Rgba16Float, target, false, &[]);
         run_with(gpu(), "interleaved/near.wgsl", "near", defs, &resources, groups(texels));
@@ -140,21 +140,12 @@ fn a_uniform_buffer_of_lights_shades_as_a_storage_buffer_does() {
     for (listed, vpl) in list.iter_mut().zip(&lights(&gbuffer)) {
         *listed = vpl.into();
     }
+    let header = VplHeader { count: UNIFORM_VPLS, bound_scale: 1.0, ..Default::default() };
+    let shown = || {
+        let target = [SIZE.x, SIZE.y, 1];
+        seen(&eye, &gbuffer, header).texture("output", TextureFormat::Rgba16Float, target, false, &[])
+    };
     let shade = |defs: &[&str], resources: Resources| {
-        let header = VplHeader { count: UNIFORM_VPLS, bound_scale: 1.0, ..Default::default() };
-        let resources = resources
-            .bytes("view", &eye.uniform())
-            .structs("header", &[header])
-            .uniform("grid", &Grid { voxel_size: 1.0, dims: UVec3::ONE, ..Default::default() })
-            .floats("densities", &[DENSITY, 1.0])
-            .texture(
-                "surface_texture",
-                TextureFormat::Rg32Uint,
-                [SIZE.x, SIZE.y, 1],
-                false,
-                bytemuck::cast_slice(&gbuffer.surface),
-            )
-            .texture("output", TextureFormat::Rgba16Float, [SIZE.x, SIZE.y, 1], false, &[]);
         let names: Vec<_> = defs.iter().map(|&name| name.into()).collect();
         let composed = compose_source(WHOLE, "whole.wgsl", &names).expect("composes");
         let mut spaces = composed.module.global_variables.iter().map(|(_, variable)| variable);
@@ -165,8 +156,8 @@ fn a_uniform_buffer_of_lights_shades_as_a_storage_buffer_does() {
         gpu().dispatch(&kernel.expect("the device takes it"), &resources, groups(SIZE)).expect("runs");
         light(&resources, "output")
     };
-    let stored = shade(&[], Resources::new(gpu()).structs("compact_vpls", &list));
-    let uniform = shade(&["FEW_LIGHTS"], Resources::new(gpu()).uniform("compact_vpls", &list));
+    let stored = shade(&[], shown().structs("compact_vpls", &list));
+    let uniform = shade(&["FEW_LIGHTS"], shown().uniform("compact_vpls", &list));
     assert!(stored.iter().any(|light| light.x > 0.1), "it is lit");
     for (pixel, (stored, uniform)) in pixels(SIZE).zip(stored.into_iter().zip(uniform)) {
         assert!(is_close(stored, uniform), "{pixel}: {stored}, and {uniform} by a uniform buffer");

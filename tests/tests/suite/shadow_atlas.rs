@@ -177,7 +177,9 @@ pub fn look(resources: Resources, pairs: &[(usize, Vec3, Vec3)]) -> Vec<bool> {
                 return;
             }
             let light = u32(points[2u * id.x].w);
-            seen[id.x] = u32(atlas_visible(light, vpls[light].position, vpls[light].normal, points[2u * id.x].xyz, points[2u * id.x + 1u].xyz));
+            let vpl = vpls[light];
+            let point = points[2u * id.x].xyz;
+            seen[id.x] = u32(atlas_visible(light, vpl.position, vpl.normal, point, points[2u * id.x + 1u].xyz));
         }";
     let packed: Vec<f32> =
         pairs.iter().flat_map(|(light, p, n)| [p.x, p.y, p.z, *light as f32, n.x, n.y, n.z, 0.0]).collect();

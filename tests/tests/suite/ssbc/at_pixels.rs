@@ -92,8 +92,8 @@ fn blur(
     (super::light(&resources, "columns"), listed(&resources, eye.size))
 }
 
-/// Whatever the lens and wherever the eye, and where pixels are narrower than places in the world are apart: what is even stays even,
-/// and none comes across a seam.
+/// Of lenses with an oblique near plane and without perspective, and two kilometres from the world's origin: what is even stays even, and
+/// none comes across a seam.
 #[test]
 fn tents_know_surfaces_by_any_lens_and_anywhere() {
     let (size, aspect) = (UVec2::new(101, 67), 101.0 / 67.0);
