@@ -51,6 +51,17 @@ fn lens_of(view: View, size: vec2<u32>) -> Lens {
     return lens;
 }
 
+/// The same, of positions relative to a point.
+fn relative_lens(lens: Lens, point: vec3<f32>) -> Lens {
+    var relative = lens;
+    relative.origin -= vec4<f32>(point * lens.origin.w, 0.0);
+    relative.x -= vec4<f32>(point * lens.x.w, 0.0);
+    relative.y -= vec4<f32>(point * lens.y.w, 0.0);
+    relative.depth -= vec4<f32>(point * lens.depth.w, 0.0);
+    relative.eye -= point;
+    return relative;
+}
+
 /// World position of what is seen at those pixel coordinates, and the edge of a pixel there.
 fn position_at(lens: Lens, pixel: vec2<f32>, depth: f32) -> vec4<f32> {
     let p = lens.origin + lens.x * pixel.x + lens.y * pixel.y + lens.depth * depth;

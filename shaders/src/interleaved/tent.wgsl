@@ -6,7 +6,7 @@
 #define_import_path bevy_bounce::interleaved::tent
 
 #import bevy_bounce::interleaved::surface::{Surface, Lens, NORMAL_EDGE, PLANE_EDGE}
-#import bevy_bounce::shared::octahedral::decode_unit
+#import bevy_bounce::shared::octahedral::decode_direction
 
 /// Texels from the middle of the tent to where it ends: it weighs the sixteen subsets of the virtual lights alike, wherever it
 /// stands.
@@ -66,7 +66,9 @@ fn line_mean(
         let surface = textureLoad(surfaces, pixel, 0).xy;
         let place = vec3<f32>(1.0, f32(i), bitcast<f32>(surface.x));
         let is_in_plane = place.z > 0.0 && abs(dot(height, place)) < range * abs(dot(w, place));
-        if is_in_plane && dot(center.normal, decode_unit(surface.y)) > NORMAL_EDGE {
+        let direction = decode_direction(surface.y);
+        let facing = dot(center.normal, direction);
+        if is_in_plane && facing * abs(facing) > NORMAL_EDGE * NORMAL_EDGE * dot(direction, direction) {
             let light = textureLoad(light_texture, line.texel + line.axis * u32(i), 0);
             sum += vec4<f32>(light.rgb, 1.0) * (light.a * (f32(reach) - abs(f32(i) - middle)));
         }

@@ -16,11 +16,16 @@ fn unit_to_octahedral(n: vec3<f32>) -> vec2<f32> {
     return select((1.0 - abs(p.yx)) * sign_not_zero(p), p, n.z >= 0.0);
 }
 
+/// A point of [-1, 1]^2 to where it is on the octahedron.
+fn on_octahedron(p: vec2<f32>) -> vec3<f32> {
+    let z = 1.0 - abs(p.x) - abs(p.y);
+    return vec3<f32>(p - sign_not_zero(p) * max(-z, 0.0), z);
+}
+
 /// A point of [-1, 1]^2 to a unit vector.
 fn octahedral_to_unit(p: vec2<f32>) -> vec3<f32> {
-    let z = 1.0 - abs(p.x) - abs(p.y);
-    let xy = select((1.0 - abs(p.yx)) * sign_not_zero(p), p, z >= 0.0);
-    return normalize(vec3<f32>(xy, z));
+    let n = on_octahedron(p);
+    return n * inverseSqrt(dot(n, n));
 }
 
 /// A unit vector to its word.
@@ -28,9 +33,19 @@ fn encode_unit(n: vec3<f32>) -> u32 {
     return pack2x16snorm(unit_to_octahedral(n));
 }
 
+// A word to its point of [-1, 1]^2.
+fn unpack_octahedral(word: u32) -> vec2<f32> {
+    return vec2<f32>(vec2<i32>(i32(word << 16u), i32(word)) >> vec2<u32>(16u)) * (1.0 / 32767.0);
+}
+
 /// A word to its unit vector.
 fn decode_unit(word: u32) -> vec3<f32> {
-    return octahedral_to_unit(unpack2x16snorm(word));
+    return octahedral_to_unit(unpack_octahedral(word));
+}
+
+/// The same, of any length.
+fn decode_direction(word: u32) -> vec3<f32> {
+    return on_octahedron(unpack_octahedral(word));
 }
 
 /// A unit vector to the lower half of a word: two 8-bit signed normalised values, half a degree off at most.
@@ -42,5 +57,5 @@ fn encode_unit_8(n: vec3<f32>) -> u32 {
 /// The unit vector in the lower half of a word.
 fn decode_unit_8(word: u32) -> vec3<f32> {
     let p = vec2<i32>(i32(word << 16u) >> 24u, i32(word << 24u) >> 24u);
-    return octahedral_to_unit(vec2<f32>(p) / 127.0);
+    return octahedral_to_unit(vec2<f32>(p) * (1.0 / 127.0));
 }

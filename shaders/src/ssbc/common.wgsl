@@ -50,6 +50,7 @@ fn grazing_decay(cosine: f32) -> f32 {
 struct Disc {
     middle: vec2<f32>,
     radius: vec2<f32>,
+    inverse_radius: vec2<f32>,
 }
 
 /// Where a sphere is seen; all of the screen where it reaches behind the eye. What it has in common with the sphere's picture
@@ -62,11 +63,12 @@ fn sphere_on_screen(middle: vec3<f32>, radius: f32) -> Disc {
     let square = radius * radius;
     let ww = clip.w * clip.w - square * dot(rows[3].xyz, rows[3].xyz);
     if ww <= 0.0 {
-        return Disc(0.5 * size, size);
+        return Disc(0.5 * size, size, 1.0 / size);
     }
     let xx = clip.xy * clip.xy - square * vec2<f32>(dot(rows[0].xyz, rows[0].xyz), dot(rows[1].xyz, rows[1].xyz));
     let xw = clip.xy * clip.w - square * vec2<f32>(dot(rows[0].xyz, rows[3].xyz), dot(rows[1].xyz, rows[3].xyz));
     let half_size = 0.5 * size;
     let extent = sqrt(max(xw * xw - xx * ww, vec2<f32>(0.0)));
-    return Disc(half_size + vec2<f32>(xw.x, -xw.y) / ww * half_size, max(extent / ww * half_size, vec2<f32>(1e-3)));
+    let on_screen = max(extent / ww * half_size, vec2<f32>(1e-3));
+    return Disc(half_size + vec2<f32>(xw.x, -xw.y) / ww * half_size, on_screen, 1.0 / on_screen);
 }

@@ -20,7 +20,7 @@
 
 #import bevy_pbr::rgb9e5::rgb9e5_to_vec3_
 #import bevy_bounce::interleaved::brightest::BRIGHTEST_PART
-#import bevy_bounce::interleaved::surface::{Surface, Lens}
+#import bevy_bounce::interleaved::surface::{Surface, Lens, relative_lens}
 #import bevy_bounce::shared::octahedral::decode_unit
 #import bevy_bounce::shared::sampling::PI
 #import bevy_bounce::ssbc::common::{parameters, surface_texture, sphere_on_screen, Disc}
@@ -48,7 +48,6 @@ const NEAR_SOLID_ANGLE: f32 = 0.08;
 const HALF_DIAGONAL: f32 = 0.70710678;
 
 struct Receiver {
-    position: vec3<f32>,
     normal: vec3<f32>,
     pixel: vec2<i32>,
     // By how much what is seen in a texel may be higher over the plane than its middle, over the texel's edge.
@@ -65,53 +64,61 @@ struct Visit {
 
 const NOTHING: Visit = Visit(vec3<f32>(0.0), false);
 
-// A point on the line of sight through the middle of a texel, relative to the receiver, and the edge of the texel there.
-fn point_on(lens: Lens, sight: vec4<f32>, edge: f32, depth: f32, receiver: Receiver) -> vec4<f32> {
-    let p = sight + lens.depth * depth;
-    let inverse = 1.0 / p.w;
-    return vec4<f32>(p.xyz * inverse - receiver.position, edge * abs(inverse));
+// Of a power of two from 1 up.
+fn exponent_of(value: f32) -> u32 {
+    return (bitcast<u32>(value) >> 23u) - 127u;
 }
 
-fn visit(lens: Lens, receiver: Receiver, texel: vec2<i32>, level: u32) -> Visit {
-    let words = textureLoad(hierarchy, texel, i32(level));
-    let area_ratio = unpack2x16float(words.z & 0xffffu).x;
-    if area_ratio == 0.0 {
-        return NOTHING;
-    }
+fn visit(lens: Lens, receiver: Receiver, place: Place) -> Visit {
+    let scale = f32(place.size);
+    let level = exponent_of(scale);
+    let words = textureLoad(hierarchy, place.corner >> vec2<u32>(level), i32(level));
     let is_edge = (words.z & EDGE) != 0u;
     let normal = decode_unit(words.y);
     let depths = select(vec2<f32>(bitcast<f32>(words.x)), decode_range(words.x), is_edge);
-    let scale = f32(1u << level);
-    let pixel = (vec2<f32>(texel) + 0.5) * scale;
+
+    // On the line of sight through the middle: the nearest, the farthest, and halfway between.
+    let pixel = vec2<f32>(place.corner) + 0.5 * scale;
     let sight = lens.origin + lens.x * pixel.x + lens.y * pixel.y;
-    let near = point_on(lens, sight, lens.pixel * scale, depths.x, receiver);
-    let far = point_on(lens, sight, lens.pixel * scale, depths.y, receiver);
-    let middle = point_on(lens, sight, lens.pixel * scale, 0.5 * (depths.x + depths.y), receiver);
-    let area = area_ratio * middle.w * middle.w;
-    let height = dot(receiver.normal, middle.xyz);
-    let other_height = -dot(normal, middle.xyz);
-    let square = max(dot(middle.xyz, middle.xyz), 1e-20);
+    let near_point = sight + lens.depth * depths.x;
+    let far_point = sight + lens.depth * depths.y;
+    let middle_point = 0.5 * (near_point + far_point);
+    let inverse = 1.0 / vec3<f32>(near_point.w, far_point.w, middle_point.w);
+    let near = near_point.xyz * inverse.x;
+    let far = far_point.xyz * inverse.y;
+    let middle = middle_point.xyz * inverse.z;
+    let pixels = lens.pixel * abs(inverse);
+    let edge = pixels.z * scale;
+    let area_ratio = unpack2x16float(words.z).x;
+    let area = area_ratio * edge * edge;
+    let disk = area * (1.0 / PI);
+    let height = dot(receiver.normal, middle);
+    let other_height = -dot(normal, middle);
+    let square = max(dot(middle, middle), 1e-20);
 
     // What may be nearest and highest of it.
-    let along = far.xyz - near.xyz;
-    let share = clamp(-dot(near.xyz, along) / max(dot(along, along), 1e-20), 0.0, 1.0);
-    let distance = length(near.xyz + along * share);
-    let radius = middle.w * HALF_DIAGONAL * max(area_ratio, 1.0);
+    let along = far - near;
+    let share = clamp(-dot(near, along) / max(dot(along, along), 1e-20), 0.0, 1.0);
+    let distance = length(near + along * share);
+    let pixel_radius = pixels.z * HALF_DIAGONAL * max(area_ratio, 1.0);
+    let radius = pixel_radius * scale;
     // What is seen of a plane may end half a pixel farther on.
-    let reach = select(radius + radius / scale, HALF_DIAGONAL * max(near.w, far.w), is_edge);
-    let flat = FLAT * select(distance + radius, far.w, is_edge);
-    let highest_of_plane = height + radius * length(cross(receiver.normal, normal));
+    let reach = select(radius + pixel_radius, HALF_DIAGONAL * scale * max(pixels.x, pixels.y), is_edge);
+    let flat = FLAT * select(distance + radius, pixels.y * scale, is_edge);
+    let slant = dot(receiver.normal, normal);
+    let highest_of_plane = height + radius * sqrt(max(1.0 - slant * slant, 0.0));
+    let rise = receiver.slope * scale;
     let highest_of_edge = max(
-        dot(receiver.normal, near.xyz) + receiver.slope * near.w,
-        dot(receiver.normal, far.xyz) + receiver.slope * far.w,
+        dot(receiver.normal, near) + rise * pixels.x,
+        dot(receiver.normal, far) + rise * pixels.y,
     );
     let highest = select(highest_of_plane, highest_of_edge, is_edge);
     // The receiver over the texel: the same for all points of a plane, as far as that is one. An edge may turn to it.
-    let other_highest_of_plane = other_height + flat + select(0.0, BENT * radius, level > 0u);
+    let other_highest_of_plane = other_height + flat + select(0.0, BENT * radius, place.size > 1);
     let nearest = max(distance - reach, select(other_highest_of_plane, 1e-9, is_edge));
     let other_highest = select(other_highest_of_plane, nearest, is_edge);
     let nearest_square = nearest * nearest;
-    if highest <= flat || other_highest <= 0.0
+    if words.z == 0u || highest <= flat || other_highest <= 0.0
         || highest * other_highest <= receiver.bound * nearest_square * nearest_square {
         return NOTHING;
     }
@@ -119,24 +126,15 @@ fn visit(lens: Lens, receiver: Receiver, texel: vec2<i32>, level: u32) -> Visit 
     // Seen from its middle alone, a plane that reaches over the receiver or down to its feet would look small.
     let touches = distance - reach <= other_highest;
     let between_plane = select(max(distance - 0.5 * radius, other_highest), nearest, touches);
-    let between = select(between_plane, distance, is_edge);
-    let between_square = max(between * between, 1e-20);
+    let between = max(select(between_plane, distance, is_edge), 1e-10);
+    let between_square = between * between;
     // Of an edge only the receiver's cosine is known: where it is highest, over how near it is.
-    let cosine = min(highest * inverseSqrt(between_square), 1.0);
-    let cosines = select(highest * other_highest, cosine * between_square, is_edge);
-    let limit_of_plane = select(min(parameters.solid_angle, NEAR_SOLID_ANGLE), parameters.solid_angle, level > 0u);
+    let cosines = select(highest * other_highest, min(highest * between, between_square), is_edge);
+    let limit_of_plane = select(min(parameters.solid_angle, NEAR_SOLID_ANGLE), parameters.solid_angle, place.size > 1);
     let limit = select(limit_of_plane, parameters.edge_solid_angle, is_edge);
-    let large = area * cosines > limit * between_square * (between_square + area / PI);
-    let term = max(height, 0.0) * max(other_height, 0.0) / (square * (square + area / PI));
+    let large = area * cosines > limit * between_square * (between_square + disk);
+    let term = max(height, 0.0) * max(other_height, 0.0) / (square * (square + disk));
     return Visit(rgb9e5_to_vec3_(words.w) * (area * max(term - receiver.bound, 0.0)), large);
-}
-
-// Whether any of a texel is in a disc on the screen.
-fn is_within(texel: vec2<i32>, level: u32, disc: Disc) -> bool {
-    let half_edge = 0.5 * f32(1u << level);
-    let middle = (vec2<f32>(texel) * 2.0 + 1.0) * half_edge;
-    let away = max(abs(middle - disc.middle) - half_edge, vec2<f32>(0.0)) / disc.radius;
-    return dot(away, away) < 1.0;
 }
 
 struct Found {
@@ -153,58 +151,65 @@ fn near_bit(from_receiver: vec2<i32>) -> u32 {
     return select(0u, bit, all(place >= vec2<i32>(0)) && all(place <= vec2<i32>(2 * NEAR)));
 }
 
-// A texel on the way through the levels.
+// A texel on the way through the levels, in pixels: its first, and how many it has a side.
 struct Place {
-    texel: vec2<i32>,
-    level: u32,
+    corner: vec2<i32>,
+    size: i32,
 }
 
-// Texels from which the descent starts, row by row.
+// Texels from which the descent starts, row by row: the first, the last of a row, the first pixel behind the last row.
 struct Roots {
-    low: vec2<i32>,
-    high: vec2<i32>,
-    level: u32,
+    first: Place,
+    last: i32,
+    end: i32,
 }
 
 fn roots_of(disc: Disc) -> Roots {
     let level = u32(clamp(ceil(log2(2.0 * max(disc.radius.x, disc.radius.y))), 0.0, f32(SSBC_LEVELS)));
-    let last = vec2<f32>(textureDimensions(surface_texture)) - 1.0;
-    let low = vec2<i32>(max(disc.middle - disc.radius, vec2<f32>(0.0)));
-    let high = vec2<i32>(clamp(disc.middle + disc.radius, vec2<f32>(0.0), last));
-    return Roots(low >> vec2<u32>(level), high >> vec2<u32>(level), level);
+    let last_pixel = vec2<f32>(textureDimensions(surface_texture)) - 1.0;
+    let size = 1i << level;
+    let low = vec2<i32>(max(disc.middle - disc.radius, vec2<f32>(0.0))) & vec2<i32>(-size);
+    let high = vec2<i32>(clamp(disc.middle + disc.radius, vec2<f32>(0.0), last_pixel)) & vec2<i32>(-size);
+    return Roots(Place(low, size), high.x, select(high.y + size, 0, low.x > high.x));
 }
 
-fn is_over(place: Place, roots: Roots) -> bool {
-    return place.level == roots.level && (place.texel.y > roots.high.y || roots.low.x > roots.high.x);
+// Whether any of a texel is in a disc on the screen.
+fn is_within(place: Place, disc: Disc) -> bool {
+    let half_edge = 0.5 * f32(place.size);
+    let middle = vec2<f32>(place.corner) + half_edge;
+    let away = max(abs(middle - disc.middle) - half_edge, vec2<f32>(0.0)) * disc.inverse_radius;
+    return dot(away, away) < 1.0;
 }
 
 // What comes after a texel and all below it: up from the last of each four, then the next of four or the next root.
 fn after(place: Place, roots: Roots) -> Place {
-    let up = min(countTrailingZeros(~u32(place.texel.x & place.texel.y)), roots.level - place.level);
-    let texel = place.texel >> vec2<u32>(up);
-    let level = place.level + up;
-    let sibling = texel + select(vec2<i32>(-1, 1), vec2<i32>(1, 0), (texel.x & 1) == 0);
-    let root = select(vec2<i32>(roots.low.x, texel.y + 1), texel + vec2<i32>(1, 0), texel.x < roots.high.x);
-    return Place(select(sibling, root, level == roots.level), level);
+    // It is the last of its four where both bits of its size are set, and so on: up to the first bit that is not.
+    let passed = (place.corner.x & place.corner.y) | (place.size - 1);
+    let size = min(~passed & (passed + 1), roots.first.size);
+    let corner = place.corner & vec2<i32>(-size);
+    let is_root = size == roots.first.size;
+    let is_last = select((corner.x & size) != 0, corner.x >= roots.last, is_root);
+    let start = select(corner.x - size, roots.first.corner.x, is_root);
+    return Place(select(corner + vec2<i32>(size, 0), vec2<i32>(start, corner.y + size), is_last), size);
 }
 
 // What is in the disc. A visit is dear, and stands outside of the loop that looks for the next texel, so that threads in step come to it
 // together, whatever root they are below.
 fn descend(lens: Lens, receiver: Receiver, disc: Disc, roots: Roots) -> Found {
     var found = Found(vec3<f32>(0.0), 0u);
-    var place = Place(roots.low, roots.level);
+    var place = roots.first;
     loop {
-        while !is_over(place, roots) && !is_within(place.texel, place.level, disc) {
+        while place.corner.y < roots.end && !is_within(place, disc) {
             place = after(place, roots);
         }
-        if is_over(place, roots) {
+        if place.corner.y >= roots.end {
             break;
         }
-        let visited = visit(lens, receiver, place.texel, place.level);
-        if visited.large && place.level > 0u {
-            place = Place(2 * place.texel, place.level - 1u);
+        let visited = visit(lens, receiver, place);
+        if visited.large && place.size > 1 {
+            place.size >>= 1u;
         } else {
-            let bit = select(0u, near_bit(place.texel - receiver.pixel), visited.large);
+            let bit = select(0u, near_bit(place.corner - receiver.pixel), visited.large);
             found.near |= bit;
             found.light += select(visited.light, vec3<f32>(0.0), bit != 0u);
             place = after(place, roots);
@@ -220,10 +225,10 @@ fn residual_light(lens: Lens, surface: Surface, pixel: vec2<u32>) -> vec3<f32> {
         return vec3<f32>(0.0);
     }
     let slope = 0.5 * (abs(dot(surface.normal, lens.right)) + abs(dot(surface.normal, lens.down)));
-    let receiver = Receiver(surface.position, surface.normal, vec2<i32>(pixel), slope / lens.pixel, bound);
+    let receiver = Receiver(surface.normal, vec2<i32>(pixel), slope / lens.pixel, bound);
     let reach = inverseSqrt(bound);
     let disc = sphere_on_screen(surface.position + surface.normal * (LOBE_HEIGHT * reach), LOBE_RADIUS * reach);
-    let found = descend(lens, receiver, disc, roots_of(disc));
+    let found = descend(relative_lens(lens, surface.position), receiver, disc, roots_of(disc));
     var light = found.light;
     var near = found.near;
     while near != 0u {

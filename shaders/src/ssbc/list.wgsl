@@ -1,6 +1,6 @@
 // Puts pixels on the list of those that are integrated anew.
 //
-// Cost: an atomic addition of the workgroup's, and two of a workgroup that lists any.
+// Cost: an atomic addition of the workgroup's by each thread that lists any, and two of a workgroup that does.
 
 #define_import_path bevy_bounce::ssbc::list
 
@@ -27,7 +27,10 @@ fn append(count: u32) -> u32 {
 
 /// Those of the four pixels from `first` on whose bits are set. All threads of a workgroup call it together.
 fn list_pixels(first: vec2<u32>, bits: u32, lane: u32) {
-    var slot = atomicAdd(&listed, countOneBits(bits));
+    var slot = 0u;
+    if bits != 0u {
+        slot = atomicAdd(&listed, countOneBits(bits));
+    }
     workgroupBarrier();
     if lane == 0u {
         let count = atomicLoad(&listed);

@@ -3,7 +3,8 @@
 // Position (as depth) and normal are means, area is a sum, radiance is the mean by area. A texel is an edge where one of its
 // four is, where some show nothing, or where they do not lie in its plane.
 //
-// Cost: a workgroup makes 8x8 texels of the first of the three levels, and from them 4x4 and 2x2 through its memory.
+// Cost: a workgroup makes 8x8 texels of the first of the three levels, and from them 4x4 and 2x2 through its memory, where they are
+// packed as in the textures.
 
 #import bevy_bounce::interleaved::surface::Lens
 #import bevy_bounce::ssbc::common::{surface_texture, view_lens, texel_at}
@@ -27,7 +28,7 @@ const PLANE_EDGE: f32 = 0.25;
 const MOST_RANGE: f32 = 0.25;
 const GROUP: u32 = 8u;
 
-var<workgroup> nodes: array<Node, 64>;
+var<workgroup> nodes: array<vec4<u32>, 64>;
 
 fn load_below(lens: Lens, texel: vec2<i32>) -> Node {
     var node = decode_node(lens, textureLoad(source, texel, 0), texel, BELOW);
@@ -85,10 +86,14 @@ fn merge(lens: Lens, four: array<Node, 4>, texel: vec2<i32>, level: u32) -> Node
 }
 
 // The four of `nodes` below a texel of a level that has `edge` texels a side in this workgroup.
-fn merge_shared(lens: Lens, local: vec2<u32>, edge: u32, texel: vec2<i32>, level: u32) -> Node {
+fn merge_shared(lens: Lens, local: vec2<u32>, edge: u32, texel: vec2<i32>, level: u32) -> vec4<u32> {
     let first = 2u * (local.y * 2u * edge + local.x);
-    let next = first + 2u * edge;
-    return merge(lens, array<Node, 4>(nodes[first], nodes[first + 1u], nodes[next], nodes[next + 1u]), texel, level);
+    var four: array<Node, 4>;
+    for (var i = 0u; i < 4u; i++) {
+        let place = vec2<u32>(i & 1u, i >> 1u);
+        four[i] = decode_node(lens, nodes[first + place.y * 2u * edge + place.x], 2 * texel + vec2<i32>(place), level - 1u);
+    }
+    return encode_node(lens, merge(lens, four, texel, level), texel, level);
 }
 
 @compute @workgroup_size(8, 8)
@@ -102,8 +107,8 @@ fn reduce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
         load_below(lens, 2 * texel + vec2<i32>(0, 1)),
         load_below(lens, 2 * texel + vec2<i32>(1, 1)),
     );
-    var node = merge(lens, four, texel, BELOW + 1u);
-    textureStore(fine, texel, encode_node(lens, node, texel, BELOW + 1u));
+    var node = encode_node(lens, merge(lens, four, texel, BELOW + 1u), texel, BELOW + 1u);
+    textureStore(fine, texel, node);
     nodes[lane] = node;
     workgroupBarrier();
 
@@ -111,7 +116,7 @@ fn reduce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     if lane < 16u {
         texel = vec2<i32>(group.xy * 4u + local);
         node = merge_shared(lens, local, 4u, texel, BELOW + 2u);
-        textureStore(middle, texel, encode_node(lens, node, texel, BELOW + 2u));
+        textureStore(middle, texel, node);
     }
     workgroupBarrier();
     if lane < 16u {
@@ -123,6 +128,6 @@ fn reduce(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_ind
     if lane < 4u {
         texel = vec2<i32>(group.xy * 2u + local);
         node = merge_shared(lens, local, 2u, texel, BELOW + 3u);
-        textureStore(coarse, texel, encode_node(lens, node, texel, BELOW + 3u));
+        textureStore(coarse, texel, node);
     }
 }
