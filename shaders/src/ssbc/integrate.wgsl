@@ -131,7 +131,8 @@ fn visit(lens: Lens, receiver: Receiver, place: Place) -> Visit {
     // Of an edge only the receiver's cosine is known: where it is highest, over how near it is.
     let cosines = select(highest * other_highest, min(highest * between, between_square), is_edge);
     let limit_of_plane = select(min(parameters.solid_angle, NEAR_SOLID_ANGLE), parameters.solid_angle, place.size > 1);
-    let limit = select(limit_of_plane, parameters.edge_solid_angle, is_edge);
+    // Not selected: compilers make one load of two then, whose place each thread has to find.
+    let limit = mix(limit_of_plane, parameters.edge_solid_angle, select(0.0, 1.0, is_edge));
     let large = area * cosines > limit * between_square * (between_square + disk);
     let term = max(height, 0.0) * max(other_height, 0.0) / (square * (square + disk));
     return Visit(rgb9e5_to_vec3_(words.w) * (area * max(term - receiver.bound, 0.0)), large);
