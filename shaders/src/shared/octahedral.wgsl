@@ -33,7 +33,7 @@ fn encode_unit(n: vec3<f32>) -> u32 {
     return pack2x16snorm(unit_to_octahedral(n));
 }
 
-// A word to its point of [-1, 1]^2.
+// A word to its point of [-1, 1]^2. `unpack2x16snorm` would divide, and clamp what `encode_unit` never writes.
 fn unpack_octahedral(word: u32) -> vec2<f32> {
     return vec2<f32>(vec2<i32>(i32(word << 16u), i32(word)) >> vec2<u32>(16u)) * (1.0 / 32767.0);
 }

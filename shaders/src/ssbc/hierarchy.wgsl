@@ -24,6 +24,8 @@ const EDGE: u32 = 0x80000000u;
 /// A depth in 16 bits: five of the exponent, eleven of the mantissa of a float from 2^-32 up.
 const LOWEST_DEPTH: u32 = 0x2f800000u;
 const RANGE_SHIFT: u32 = 12u;
+/// Most that depth may vary from pixel to pixel, over that depth: at the horizon it would reach to infinity.
+const MOST_STEP: f32 = 0.25;
 /// Largest finite half float.
 const HALF_MAX: f32 = 65504.0;
 
@@ -39,11 +41,13 @@ struct Node {
     radiance: vec3<f32>,
 }
 
-// By how much the depth of a plane through the middle of a texel differs at its corners.
-fn depth_range(lens: Lens, normal: vec3<f32>, position: vec3<f32>, level: u32) -> f32 {
-    let across = 0.5 * f32(1u << level) * (abs(dot(normal, lens.right)) + abs(dot(normal, lens.down)));
+// By how much the depth of a plane through the middle of a texel may differ at its corners. Next to the receiver it may go on to the
+// middles of the pixels around the texel: see `near.wgsl`.
+fn depth_range(lens: Lens, normal: vec3<f32>, position: vec3<f32>, depth: f32, level: u32) -> f32 {
+    let across = abs(dot(normal, lens.right)) + abs(dot(normal, lens.down));
     let along = abs(dot(normal, lens.depth.xyz) - dot(normal, position) * lens.depth.w);
-    return min(across / max(along, 1e-30), 1.0);
+    let step = min(across / max(along, 1e-30), MOST_STEP * depth);
+    return 0.5 * (f32(1u << level) + 1.0) * step;
 }
 
 fn encode_range(near: f32, far: f32) -> u32 {
@@ -103,7 +107,7 @@ fn decode_node(lens: Lens, words: vec4<u32>, texel: vec2<i32>, level: u32) -> No
     }
     let position = texel_at(lens, texel, level, node.depth);
     if !node.edge {
-        let range = depth_range(lens, node.normal, position.xyz, level);
+        let range = depth_range(lens, node.normal, position.xyz, node.depth, level);
         node.near = node.depth + range;
         node.far = max(node.depth - range, 0.0);
     }

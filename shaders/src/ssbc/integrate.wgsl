@@ -14,7 +14,7 @@
 // A texel of a plane is looked at as a disk round its middle, one of an edge as all that may lie between its nearest and its
 // farthest depth, whichever way that faces. Both go through the same operations, so that threads in step may differ in them.
 //
-// Cost: one load and some 150 operations a texel that is looked at; see `near.wgsl` for the pixels next to the receiver.
+// Cost: one load and some 250 operations a texel that is looked at; see `near.wgsl` for the pixels next to the receiver.
 
 #define_import_path bevy_bounce::ssbc::integrate
 
@@ -69,6 +69,24 @@ fn exponent_of(value: f32) -> u32 {
     return (bitcast<u32>(value) >> 23u) - 127u;
 }
 
+// On the line of sight through the middle of a texel, relative to the receiver: its nearest point, its farthest, and the one halfway
+// between by depth; the edge of a pixel at each.
+struct Sight {
+    near: vec3<f32>,
+    far: vec3<f32>,
+    middle: vec3<f32>,
+    pixels: vec3<f32>,
+}
+
+fn sight_at(lens: Lens, pixel: vec2<f32>, depths: vec2<f32>) -> Sight {
+    let sight = lens.origin + lens.x * pixel.x + lens.y * pixel.y;
+    let near = sight + lens.depth * depths.x;
+    let far = sight + lens.depth * depths.y;
+    let middle = 0.5 * (near + far);
+    let inverse = 1.0 / vec3<f32>(near.w, far.w, middle.w);
+    return Sight(near.xyz * inverse.x, far.xyz * inverse.y, middle.xyz * inverse.z, lens.pixel * abs(inverse));
+}
+
 fn visit(lens: Lens, receiver: Receiver, place: Place) -> Visit {
     let scale = f32(place.size);
     let level = exponent_of(scale);
@@ -76,41 +94,29 @@ fn visit(lens: Lens, receiver: Receiver, place: Place) -> Visit {
     let is_edge = (words.z & EDGE) != 0u;
     let normal = decode_unit(words.y);
     let depths = select(vec2<f32>(bitcast<f32>(words.x)), decode_range(words.x), is_edge);
-
-    // On the line of sight through the middle: the nearest, the farthest, and halfway between.
-    let pixel = vec2<f32>(place.corner) + 0.5 * scale;
-    let sight = lens.origin + lens.x * pixel.x + lens.y * pixel.y;
-    let near_point = sight + lens.depth * depths.x;
-    let far_point = sight + lens.depth * depths.y;
-    let middle_point = 0.5 * (near_point + far_point);
-    let inverse = 1.0 / vec3<f32>(near_point.w, far_point.w, middle_point.w);
-    let near = near_point.xyz * inverse.x;
-    let far = far_point.xyz * inverse.y;
-    let middle = middle_point.xyz * inverse.z;
-    let pixels = lens.pixel * abs(inverse);
-    let edge = pixels.z * scale;
+    let sight = sight_at(lens, vec2<f32>(place.corner) + 0.5 * scale, depths);
+    let edges = sight.pixels * scale;
     let area_ratio = unpack2x16float(words.z).x;
-    let area = area_ratio * edge * edge;
+    let area = area_ratio * edges.z * edges.z;
     let disk = area * (1.0 / PI);
-    let height = dot(receiver.normal, middle);
-    let other_height = -dot(normal, middle);
-    let square = max(dot(middle, middle), 1e-20);
+    let height = dot(receiver.normal, sight.middle);
+    let other_height = -dot(normal, sight.middle);
+    let square = max(dot(sight.middle, sight.middle), 1e-20);
 
     // What may be nearest and highest of it.
-    let along = far - near;
-    let share = clamp(-dot(near, along) / max(dot(along, along), 1e-20), 0.0, 1.0);
-    let distance = length(near + along * share);
-    let pixel_radius = pixels.z * HALF_DIAGONAL * max(area_ratio, 1.0);
+    let along = sight.far - sight.near;
+    let share = clamp(-dot(sight.near, along) / max(dot(along, along), 1e-20), 0.0, 1.0);
+    let distance = length(sight.near + along * share);
+    let pixel_radius = sight.pixels.z * HALF_DIAGONAL * max(area_ratio, 1.0);
     let radius = pixel_radius * scale;
     // What is seen of a plane may end half a pixel farther on.
-    let reach = select(radius + pixel_radius, HALF_DIAGONAL * scale * max(pixels.x, pixels.y), is_edge);
-    let flat = FLAT * select(distance + radius, pixels.y * scale, is_edge);
+    let reach = select(radius + pixel_radius, HALF_DIAGONAL * max(edges.x, edges.y), is_edge);
+    let flat = FLAT * select(distance + radius, edges.y, is_edge);
     let slant = dot(receiver.normal, normal);
     let highest_of_plane = height + radius * sqrt(max(1.0 - slant * slant, 0.0));
-    let rise = receiver.slope * scale;
     let highest_of_edge = max(
-        dot(receiver.normal, near) + rise * pixels.x,
-        dot(receiver.normal, far) + rise * pixels.y,
+        dot(receiver.normal, sight.near) + receiver.slope * edges.x,
+        dot(receiver.normal, sight.far) + receiver.slope * edges.y,
     );
     let highest = select(highest_of_plane, highest_of_edge, is_edge);
     // The receiver over the texel: the same for all points of a plane, as far as that is one. An edge may turn to it.
@@ -131,7 +137,7 @@ fn visit(lens: Lens, receiver: Receiver, place: Place) -> Visit {
     // Of an edge only the receiver's cosine is known: where it is highest, over how near it is.
     let cosines = select(highest * other_highest, min(highest * between, between_square), is_edge);
     let limit_of_plane = select(min(parameters.solid_angle, NEAR_SOLID_ANGLE), parameters.solid_angle, place.size > 1);
-    // Not selected: compilers make one load of two then, whose place each thread has to find.
+    // Not selected: compilers would make it one load, from an address that each thread computes.
     let limit = mix(limit_of_plane, parameters.edge_solid_angle, select(0.0, 1.0, is_edge));
     let large = area * cosines > limit * between_square * (between_square + disk);
     let term = max(height, 0.0) * max(other_height, 0.0) / (square * (square + disk));
@@ -158,11 +164,12 @@ struct Place {
     size: i32,
 }
 
-// Texels from which the descent starts, row by row: the first, the last of a row, the first pixel behind the last row.
+// Texels from which the descent starts, row by row: the first, where the last of a row lies, and the first row of pixels behind them,
+// 0 where there are none.
 struct Roots {
     first: Place,
-    last: i32,
-    end: i32,
+    last_x: i32,
+    end_y: i32,
 }
 
 fn roots_of(disc: Disc) -> Roots {
@@ -189,7 +196,7 @@ fn after(place: Place, roots: Roots) -> Place {
     let size = min(~passed & (passed + 1), roots.first.size);
     let corner = place.corner & vec2<i32>(-size);
     let is_root = size == roots.first.size;
-    let is_last = select((corner.x & size) != 0, corner.x >= roots.last, is_root);
+    let is_last = select((corner.x & size) != 0, corner.x >= roots.last_x, is_root);
     let start = select(corner.x - size, roots.first.corner.x, is_root);
     return Place(select(corner + vec2<i32>(size, 0), vec2<i32>(start, corner.y + size), is_last), size);
 }
@@ -200,10 +207,10 @@ fn descend(lens: Lens, receiver: Receiver, disc: Disc, roots: Roots) -> Found {
     var found = Found(vec3<f32>(0.0), 0u);
     var place = roots.first;
     loop {
-        while place.corner.y < roots.end && !is_within(place, disc) {
+        while place.corner.y < roots.end_y && !is_within(place, disc) {
             place = after(place, roots);
         }
-        if place.corner.y >= roots.end {
+        if place.corner.y >= roots.end_y {
             break;
         }
         let visited = visit(lens, receiver, place);

@@ -1,6 +1,6 @@
 // Puts pixels on the list of those that are integrated anew.
 //
-// Cost: an atomic addition of the workgroup's by each thread that lists any, and two of a workgroup that does.
+// Cost: an atomic addition in the workgroup's memory by each thread that lists any, and two in the buffer by a workgroup that does.
 
 #define_import_path bevy_bounce::ssbc::list
 

@@ -24,21 +24,12 @@ const BELOW: u32 = SSBC_LEVELS / 2u;
 const NORMAL_EDGE: f32 = 0.95;
 /// Distance off the plane, in edges of the texel, beyond which there is one.
 const PLANE_EDGE: f32 = 0.25;
-/// Most that a pixel's depth may vary, over that depth: at the horizon it would reach to infinity.
-const MOST_RANGE: f32 = 0.25;
 const GROUP: u32 = 8u;
 
 var<workgroup> nodes: array<vec4<u32>, 64>;
 
 fn load_below(lens: Lens, texel: vec2<i32>) -> Node {
-    var node = decode_node(lens, textureLoad(source, texel, 0), texel, BELOW);
-#ifdef FROM_PIXELS
-    // Next to the receiver it may go on to the middle of its neighbour: see `near.wgsl`.
-    let range = min(2.0 * (node.near - node.depth), MOST_RANGE * node.depth);
-    node.near = node.depth + range;
-    node.far = node.depth - range;
-#endif
-    return node;
+    return decode_node(lens, textureLoad(source, texel, 0), texel, BELOW);
 }
 
 // Whether a texel of that level has pixels.

@@ -12,7 +12,7 @@ use super::near::near_light;
 
 const NORMAL_EDGE: f32 = 0.95;
 const PLANE_EDGE: f32 = 0.25;
-const MOST_RANGE: f32 = 0.25;
+const MOST_STEP: f32 = 0.25;
 const FLAT: f32 = 0.002;
 const BENT: f32 = 0.05;
 const LOBE_HEIGHT: f32 = 0.438_691_34;
@@ -65,9 +65,9 @@ impl Lens {
     }
 
     // Twin of `depth_range` in `ssbc/hierarchy.wgsl`, of a pixel.
-    fn depth_range(&self, position: Vec3, normal: Vec3) -> f32 {
+    fn depth_range(&self, position: Vec3, normal: Vec3, depth: f32) -> f32 {
         let along = normal.dot(self.depth.xyz()) - normal.dot(position) * self.depth.w;
-        (self.across(normal) / along.abs().max(1e-30)).min(1.0)
+        (2.0 * self.across(normal) / along.abs().max(1e-30)).min(MOST_STEP * depth)
     }
 }
 
@@ -143,7 +143,7 @@ impl GBuffer {
         let Some((position, normal, edge)) = self.surface_at(pixel) else { return Node::default() };
         let (depth, light) = (self.depth(pixel), self.radiance_at(pixel));
         let area = light.w.max(1e-4) * edge * edge;
-        let range = (2.0 * self.lens.depth_range(position, normal)).min(MOST_RANGE * depth);
+        let range = self.lens.depth_range(position, normal, depth);
         let (near, far) = (depth + range, depth - range);
         Node { depth, near, far, area, normal, edge: false, radiance: light.xyz() }
     }

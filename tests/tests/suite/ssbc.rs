@@ -79,9 +79,14 @@ impl Eye {
         let lens = Lens::new(self.world_from_clip(), self.size);
         let clip_from_world = self.world_from_clip().inverse();
         let (eye, forward) = (self.place.translation, *self.place.forward());
+        let is_parallel = self.clip_from_view.w_axis.w == 1.0;
         let (mut surface, mut radiance) = (Vec::new(), Vec::new());
         for pixel in (0..self.size.y).flat_map(|y| (0..self.size.x).map(move |x| UVec2::new(x, y))) {
-            let direction = (lens.position(pixel.as_vec2() + 0.5, 0.5).0 - eye).normalize();
+            let on_sight = lens.position(pixel.as_vec2() + 0.5, 0.5).0;
+            let (eye, direction) = match is_parallel {
+                true => (on_sight - forward * forward.dot(on_sight - eye), forward),
+                false => (eye, (on_sight - eye).normalize()),
+            };
             let hits = shapes.iter().filter_map(|(shape, light)| Some((shape.hit(eye, direction)?, light)));
             let Some(((distance, normal), light)) = hits.min_by(|a, b| a.0.0.total_cmp(&b.0.0)) else {
                 surface.push([0; 2]);
@@ -269,13 +274,59 @@ fn perpendicular(height: f32, bound: f32) -> f32 {
     sum / PI
 }
 
+/// Lenses with an oblique near plane, of perspective and without, and where they stand from the world's origin, metres.
+fn any_lens(aspect: f32) -> [(&'static str, Mat4, f32); 4] {
+    let lens = |fov: f32| PerspectiveProjection { fov, aspect_ratio: aspect, ..Default::default() };
+    let near_clip_plane = Vec3::new(0.2, 0.3, -1.0).normalize().extend(-0.1);
+    let oblique = PerspectiveProjection { near_clip_plane, ..lens(0.6) }.get_clip_from_view();
+    let parallel = Mat4::orthographic_rh(-0.5 * aspect, 0.5 * aspect, -0.5, 0.5, 20.0, 0.1);
+    let wide = lens(0.6).get_clip_from_view();
+    [("oblique", oblique, 0.0), ("parallel", parallel, 0.0), ("far", wide, 2e3), ("parallel, far", parallel, 2e3)]
+}
+
+/// A place so far from the world's origin, turned such that no axis is along one of the world's, and an eye that looks at it.
+fn turned_place(size: UVec2, clip_from_view: Mat4, away: f32) -> (Transform, Eye) {
+    let at = Transform::from_translation(away * Vec3::new(1.0, 0.1, -0.7));
+    let at = at.with_rotation(Quat::from_rotation_y(0.7) * Quat::from_rotation_x(0.4));
+    let place = at * Transform::from_xyz(0.0, 1.6, 1.6).looking_at(Vec3::ZERO, Vec3::Y);
+    (at, Eye { size, place, clip_from_view })
+}
+
+/// Of radiance 1, at right angles; they meet along the x axis of a place.
+fn floor_and_wall(at: Transform) -> [(Shape, Vec3); 2] {
+    let [x, y, z] = [4.0 * at.right(), 2.0 * at.up(), 2.0 * at.back()];
+    let part = |a, b| (Shape::Panel([at.translation - 0.5 * x, a, b]), Vec3::ONE);
+    [part(z, x), part(x, y)]
+}
+
+/// The residual on the floor, by its distance from the wall, is that of the closed form through any lens.
+#[test]
+fn any_lens_gives_back_what_the_bound_takes() {
+    let bound = 30f32;
+    let reach = 0.58 / bound.sqrt();
+    for (name, clip_from_view, away) in any_lens(1.0) {
+        let (at, eye) = turned_place(UVec2::new(150, 150), clip_from_view, away);
+        let gbuffer = eye.look(&floor_and_wall(at));
+        let residual = shipped(&eye, &gbuffer, PARAMETERS, bound);
+        let (mut ours, mut expected) = (0.0, 0.0);
+        for pixel in pixels(eye.size).filter(|pixel| (70..80).contains(&pixel.x)) {
+            let Some((position, normal, _)) = gbuffer.surface_at(pixel) else { continue };
+            let from_wall = (position - at.translation).dot(*at.back());
+            if normal.dot(*at.up()) > 0.9 && from_wall < reach {
+                ours += residual[(pixel.y * eye.size.x + pixel.x) as usize].x;
+                expected += perpendicular(from_wall, bound);
+            }
+        }
+        println!("{name}: residual {ours:.3}, integral {expected:.3}");
+        assert!(expected > 1.0 && (ours / expected - 1.0).abs() < 0.08, "{name}: {ours} against {expected}");
+    }
+}
+
 /// Floor and wall of radiance 1: the residual on the floor by its distance from the wall.
 #[test]
 fn two_squares_give_back_what_the_bound_takes() {
-    let floor = panel([-2.0, 0.0, 0.0], [0.0, 0.0, 2.0], [4.0, 0.0, 0.0]);
-    let wall = panel([-2.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
     let eye = Eye::new(UVec2::new(256, 256), Vec3::new(0.0, 1.6, 1.6), Vec3::ZERO, 0.6);
-    let gbuffer = eye.look(&[(floor, Vec3::ONE), (wall, Vec3::ONE)]);
+    let gbuffer = eye.look(&floor_and_wall(Transform::IDENTITY));
     let bound = 30f32;
     let reach = 0.58 / bound.sqrt();
     let on_floor = |pixel: &UVec2| gbuffer.surface_at(*pixel).filter(|(_, normal, _)| normal.y > 0.9);

@@ -2,16 +2,17 @@
 
 use std::collections::HashSet;
 
-use bevy::camera::{CameraProjection, PerspectiveProjection};
-use bevy::math::{Mat4, UVec2, Vec2, Vec3};
-use bevy::prelude::Transform;
+use bevy::math::{UVec2, Vec2, Vec3};
 use bevy_bounce_shaders::types::{SSBC_REPAIR_HEADER, SsbcParameters};
 use bevy_bounce_tests::gpu::{Resources, gpu};
 use bevy_bounce_tests::scene::run;
 use bevy_bounce_tests::twins::ssbc::{GBuffer, half_texels};
 use wgpu::TextureFormat;
 
-use super::{Eye, PARAMETERS, Shape, difference, gathered, groups, light, panel, pixels, room, room_eye, shipped};
+use super::{
+    Eye, PARAMETERS, Shape, any_lens, difference, floor_and_wall, gathered, groups, light, panel, pixels, room,
+    room_eye, shipped, turned_place,
+};
 
 /// The pixels in the list of those to be integrated anew, by number.
 fn listed(resources: &Resources, size: UVec2) -> HashSet<usize> {
@@ -96,24 +97,12 @@ fn blur(
 /// none comes across a seam.
 #[test]
 fn tents_know_surfaces_by_any_lens_and_anywhere() {
-    let (size, aspect) = (UVec2::new(101, 67), 101.0 / 67.0);
-    let lens = |fov: f32| PerspectiveProjection { fov, aspect_ratio: aspect, ..Default::default() };
-    let near_clip_plane = Vec3::new(0.2, 0.3, -1.0).normalize().extend(-0.1);
-    let oblique = PerspectiveProjection { near_clip_plane, ..lens(0.6) }.get_clip_from_view();
-    let parallel = Mat4::orthographic_rh(-0.5 * aspect, 0.5 * aspect, -0.5, 0.5, 20.0, 0.1);
-    let wide = lens(0.6).get_clip_from_view();
-    let cases =
-        [("oblique", oblique, 0.0), ("parallel", parallel, 0.0), ("far", wide, 2e3), ("parallel, far", parallel, 2e3)];
-    for (name, clip_from_view, away) in cases {
-        let at = away * Vec3::new(1.0, 0.1, -0.7);
-        let place = Transform::from_translation(at + Vec3::new(0.0, 1.6, 1.6)).looking_at(at, Vec3::Y);
-        let eye = Eye { size, place, clip_from_view };
-        let part = |corner: [f32; 3], a, b| (panel((at + Vec3::from(corner)).to_array(), a, b), Vec3::ONE);
-        let floor = part([-2.0, 0.0, 0.0], [0.0, 0.0, 2.0], [4.0, 0.0, 0.0]);
-        let wall = part([-2.0, 0.0, 0.0], [4.0, 0.0, 0.0], [0.0, 2.0, 0.0]);
-        let gbuffer = eye.look(&[floor, wall]);
+    let size = UVec2::new(101, 67);
+    for (name, clip_from_view, away) in any_lens(101.0 / 67.0) {
+        let (at, eye) = turned_place(size, clip_from_view, away);
+        let gbuffer = eye.look(&floor_and_wall(at));
         let lit = |pixel: UVec2| {
-            let on_floor = gbuffer.surface_at(pixel).is_some_and(|(_, normal, _)| normal.y > 0.9);
+            let on_floor = gbuffer.surface_at(pixel).is_some_and(|(_, normal, _)| normal.dot(*at.up()) > 0.9);
             f32::from(u8::from(on_floor))
         };
         for (scale, reach) in [(1, 4), (2, 4)] {
