@@ -18,6 +18,7 @@ use bevy_bounce_tests::twins::{decode_unit, encode_unit};
 use wgpu::TextureFormat;
 
 mod at_pixels;
+mod descent;
 mod frames;
 
 const PARAMETERS: SsbcParameters = SsbcParameters { solid_angle: 0.08, edge_solid_angle: 0.04, scale: 1, reach: 1 };
