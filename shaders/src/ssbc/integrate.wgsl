@@ -5,7 +5,7 @@
 // Only a lobe over the receiver counts, distance^3 < height / bound. The descent starts at the level of which texels are at
 // least as wide as the smallest sphere round that lobe on the screen, so that up to four cover it, and goes on with the
 // four below a texel where it fills too large a solid angle, or where an edge runs through it; texels that have nothing above
-// the bound anywhere are left out. It needs no stack: the next texel follows from the last.
+// the bound anywhere are left out. Its stack is a word: four bits a level.
 //
 // The geometry term of a texel of area A is that of a disk, cos cos / (d^2 + A / pi): the singularity of small distances
 // would come back through the areas otherwise. A pixel next to the receiver that fills too large a solid angle is a polygon:
@@ -64,11 +64,6 @@ struct Visit {
 
 const NOTHING: Visit = Visit(vec3<f32>(0.0), false);
 
-// Of a power of two from 1 up.
-fn exponent_of(value: f32) -> u32 {
-    return (bitcast<u32>(value) >> 23u) - 127u;
-}
-
 // On the line of sight through the middle of a texel, relative to the receiver: its nearest point, its farthest, and the one halfway
 // between by depth; the edge of a pixel at each.
 struct Sight {
@@ -88,9 +83,8 @@ fn sight_at(lens: Lens, pixel: vec2<f32>, depths: vec2<f32>) -> Sight {
 }
 
 fn visit(lens: Lens, receiver: Receiver, place: Place) -> Visit {
-    let scale = f32(place.size);
-    let level = exponent_of(scale);
-    let words = textureLoad(hierarchy, place.corner >> vec2<u32>(level), i32(level));
+    let scale = f32(1u << place.level);
+    let words = textureLoad(hierarchy, place.corner >> vec2<u32>(place.level), i32(place.level));
     let is_edge = (words.z & EDGE) != 0u;
     let normal = decode_unit(words.y);
     let depths = select(vec2<f32>(bitcast<f32>(words.x)), decode_range(words.x), is_edge);
@@ -120,7 +114,7 @@ fn visit(lens: Lens, receiver: Receiver, place: Place) -> Visit {
     );
     let highest = select(highest_of_plane, highest_of_edge, is_edge);
     // The receiver over the texel: the same for all points of a plane, as far as that is one. An edge may turn to it.
-    let other_highest_of_plane = other_height + flat + select(0.0, BENT * radius, place.size > 1);
+    let other_highest_of_plane = other_height + flat + select(0.0, BENT * radius, place.level > 0u);
     let nearest = max(distance - reach, select(other_highest_of_plane, 1e-9, is_edge));
     let other_highest = select(other_highest_of_plane, nearest, is_edge);
     let nearest_square = nearest * nearest;
@@ -136,7 +130,7 @@ fn visit(lens: Lens, receiver: Receiver, place: Place) -> Visit {
     let between_square = between * between;
     // Of an edge only the receiver's cosine is known: where it is highest, over how near it is.
     let cosines = select(highest * other_highest, min(highest * between, between_square), is_edge);
-    let limit_of_plane = select(min(parameters.solid_angle, NEAR_SOLID_ANGLE), parameters.solid_angle, place.size > 1);
+    let limit_of_plane = select(min(parameters.solid_angle, NEAR_SOLID_ANGLE), parameters.solid_angle, place.level > 0u);
     // Not selected: compilers would make it one load, from an address that each thread computes.
     let limit = mix(limit_of_plane, parameters.edge_solid_angle, select(0.0, 1.0, is_edge));
     let large = area * cosines > limit * between_square * (between_square + disk);
@@ -158,70 +152,98 @@ fn near_bit(from_receiver: vec2<i32>) -> u32 {
     return select(0u, bit, all(place >= vec2<i32>(0)) && all(place <= vec2<i32>(2 * NEAR)));
 }
 
-// A texel on the way through the levels, in pixels: its first, and how many it has a side.
+// A texel: its first pixel, and its level.
 struct Place {
     corner: vec2<i32>,
-    size: i32,
+    level: u32,
 }
 
-// Texels from which the descent starts, row by row: the first, where the last of a row lies, and the first row of pixels behind them,
-// 0 where there are none.
+// Texels from which the descent starts, in blocks of 2x2, row by row: their level, where the first is, and where the picture or the disc
+// ends, pixels.
 struct Roots {
-    first: Place,
-    last_x: i32,
-    end_y: i32,
+    level: u32,
+    low: vec2<i32>,
+    end: vec2<i32>,
 }
 
 fn roots_of(disc: Disc) -> Roots {
     let level = u32(clamp(ceil(log2(2.0 * max(disc.radius.x, disc.radius.y))), 0.0, f32(SSBC_LEVELS)));
-    let last_pixel = vec2<f32>(textureDimensions(surface_texture)) - 1.0;
-    let size = 1i << level;
-    let low = vec2<i32>(max(disc.middle - disc.radius, vec2<f32>(0.0))) & vec2<i32>(-size);
-    let high = vec2<i32>(clamp(disc.middle + disc.radius, vec2<f32>(0.0), last_pixel)) & vec2<i32>(-size);
-    return Roots(Place(low, size), high.x, select(high.y + size, 0, low.x > high.x));
+    let size = vec2<f32>(textureDimensions(surface_texture));
+    let low = vec2<i32>(max(disc.middle - disc.radius, vec2<f32>(0.0))) & vec2<i32>(-(1i << level));
+    return Roots(level, low, vec2<i32>(ceil(clamp(disc.middle + disc.radius, vec2<f32>(0.0), size))));
 }
 
-// Whether any of a texel is in a disc on the screen.
-fn is_within(place: Place, disc: Disc) -> bool {
-    let half_edge = 0.5 * f32(place.size);
-    let middle = vec2<f32>(place.corner) + half_edge;
-    let away = max(abs(middle - disc.middle) - half_edge, vec2<f32>(0.0)) * disc.inverse_radius;
-    return dot(away, away) < 1.0;
+// Of four texels of a level, row by row, from the one at a corner on: bits of those that have any of a disc.
+fn four_within(corner: vec2<i32>, level: u32, disc: Disc) -> u32 {
+    let edge = f32(1u << level);
+    let middle = vec2<f32>(corner) + 0.5 * edge - disc.middle;
+    let first = max(abs(middle) - 0.5 * edge, vec2<f32>(0.0)) * disc.inverse_radius;
+    let second = max(abs(middle + edge) - 0.5 * edge, vec2<f32>(0.0)) * disc.inverse_radius;
+    let away = vec4<f32>(first.x, second.x, first.x, second.x);
+    let down = vec4<f32>(first.yy, second.yy);
+    let bits = select(vec4<u32>(0u), vec4<u32>(1u, 2u, 4u, 8u), away * away + down * down < vec4<f32>(1.0));
+    return (bits.x | bits.y) | (bits.z | bits.w);
 }
 
-// What comes after a texel and all below it: up from the last of each four, then the next of four or the next root.
-fn after(place: Place, roots: Roots) -> Place {
-    // It is the last of its four where both bits of its size are set, and so on: up to the first bit that is not.
-    let passed = (place.corner.x & place.corner.y) | (place.size - 1);
-    let size = min(~passed & (passed + 1), roots.first.size);
-    let corner = place.corner & vec2<i32>(-size);
-    let is_root = size == roots.first.size;
-    let is_last = select((corner.x & size) != 0, corner.x >= roots.last_x, is_root);
-    let start = select(corner.x - size, roots.first.corner.x, is_root);
-    return Place(select(corner + vec2<i32>(size, 0), vec2<i32>(start, corner.y + size), is_last), size);
+// The way through a block.
+struct Walk {
+    // Its first pixel.
+    block: vec2<i32>,
+    // That of the last texel, from there on.
+    corner: vec2<i32>,
+    // What is still to be visited: four bits a level, from the pixels up, for those below the last texel that was taken apart above.
+    pending: u32,
 }
 
-// What is in the disc. A visit is dear, and stands outside of the loop that looks for the next texel, so that threads in step come to it
-// together, whatever root they are below.
-fn descend(lens: Lens, receiver: Receiver, disc: Disc, roots: Roots) -> Found {
+fn walk_of(block: vec2<i32>, roots: Roots, disc: Disc) -> Walk {
+    // Beyond the end there are no texels.
+    let second = block + (1i << roots.level) < roots.end;
+    let inside = select(5u, 15u, second.x) & select(3u, 15u, second.y);
+    return Walk(block, vec2<i32>(0), (four_within(block, roots.level, disc) & inside) << (4u * roots.level));
+}
+
+// The block after another.
+fn block_after(block: vec2<i32>, roots: Roots) -> vec2<i32> {
+    let size = 2i << roots.level;
+    let beside = block.x + size;
+    return select(vec2<i32>(roots.low.x, block.y + size), vec2<i32>(beside, block.y), beside < roots.end.x);
+}
+
+// Of the finest level first: what was taken apart last.
+fn next(walk: ptr<function, Walk>) -> Place {
+    let bit = firstTrailingBit((*walk).pending);
+    (*walk).pending &= (*walk).pending - 1u;
+    let level = bit >> 2u;
+    let place = vec2<i32>(vec2<u32>(bit & 1u, (bit >> 1u) & 1u) << vec2<u32>(level));
+    (*walk).corner = ((*walk).corner & vec2<i32>(-2i << level)) + place;
+    return Place((*walk).block + (*walk).corner, level);
+}
+
+// The four below a texel.
+fn take_apart(walk: ptr<function, Walk>, place: Place, disc: Disc) {
+    let below = place.level - 1u;
+    (*walk).pending |= four_within(place.corner, below, disc) << (4u * below);
+}
+
+// What is in the disc. Finding the next texel takes no loop of its own, in which threads in step would wait for the last of them.
+fn descend(lens: Lens, receiver: Receiver, disc: Disc) -> Found {
+    let roots = roots_of(disc);
     var found = Found(vec3<f32>(0.0), 0u);
-    var place = roots.first;
-    loop {
-        while place.corner.y < roots.end_y && !is_within(place, disc) {
-            place = after(place, roots);
+    var block = roots.low;
+    while block.y < roots.end.y {
+        var walk = walk_of(block, roots, disc);
+        while walk.pending != 0u {
+            let place = next(&walk);
+            let visited = visit(lens, receiver, place);
+            if visited.large && place.level > 0u {
+                take_apart(&walk, place, disc);
+            } else {
+                let bit = select(0u, near_bit(place.corner - receiver.pixel), visited.large);
+                found.near |= bit;
+                found.light += select(visited.light, vec3<f32>(0.0), bit != 0u);
+            }
         }
-        if place.corner.y >= roots.end_y {
-            break;
-        }
-        let visited = visit(lens, receiver, place);
-        if visited.large && place.size > 1 {
-            place.size >>= 1u;
-        } else {
-            let bit = select(0u, near_bit(place.corner - receiver.pixel), visited.large);
-            found.near |= bit;
-            found.light += select(visited.light, vec3<f32>(0.0), bit != 0u);
-            place = after(place, roots);
-        }
+        block = block_after(block, roots);
     }
     return found;
 }
@@ -236,7 +258,7 @@ fn residual_light(lens: Lens, surface: Surface, pixel: vec2<u32>) -> vec3<f32> {
     let receiver = Receiver(surface.normal, vec2<i32>(pixel), slope / lens.pixel, bound);
     let reach = inverseSqrt(bound);
     let disc = sphere_on_screen(surface.position + surface.normal * (LOBE_HEIGHT * reach), LOBE_RADIUS * reach);
-    let found = descend(relative_lens(lens, surface.position), receiver, disc, roots_of(disc));
+    let found = descend(relative_lens(lens, surface.position), receiver, disc);
     var light = found.light;
     var near = found.near;
     while near != 0u {

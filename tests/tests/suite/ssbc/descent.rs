@@ -10,7 +10,7 @@ use super::pixels;
 /// Takes every texel apart, and counts how often it comes to each pixel; one thread a disc.
 const WALK: &str = "
     #import bevy_bounce::ssbc::common::{surface_texture, Disc}
-    #import bevy_bounce::ssbc::integrate::{roots_of, is_within, after}
+    #import bevy_bounce::ssbc::integrate::{roots_of, walk_of, block_after, next, take_apart}
     @group(0) @binding(9) var<storage, read> discs: array<vec4<f32>>;
     @group(0) @binding(10) var<storage, read_write> counts: array<u32>;
     @compute @workgroup_size(1)
@@ -18,17 +18,15 @@ const WALK: &str = "
         let size = vec2<i32>(textureDimensions(surface_texture));
         let disc = Disc(discs[id.x].xy, discs[id.x].zw, 1.0 / discs[id.x].zw);
         let roots = roots_of(disc);
-        var place = roots.first;
-        while place.corner.y < roots.end_y {
-            if !is_within(place, disc) {
-                place = after(place, roots);
-            } else if place.size > 1 {
-                place.size >>= 1u;
-            } else {
-                if all(place.corner < size) {
+        for (var block = roots.low; block.y < roots.end.y; block = block_after(block, roots)) {
+            var walk = walk_of(block, roots, disc);
+            while walk.pending != 0u {
+                let place = next(&walk);
+                if place.level > 0u {
+                    take_apart(&walk, place, disc);
+                } else if all(place.corner < size) {
                     counts[i32(id.x) * size.x * size.y + place.corner.y * size.x + place.corner.x] += 1u;
                 }
-                place = after(place, roots);
             }
         }
     }";
