@@ -4,9 +4,16 @@
 // resolution a pixel for which the tent finds too few samples of its surface goes on the list, as that of bounded light is shaded
 // anew.
 //
-// Cost: 28 loads a pixel where both are of one resolution.
+// There the filter of bounded light has said which texels of a column are of the pixel's surface (`SAME_TEXELS`).
+//
+// Cost: 23 loads a pixel where both are of one resolution.
 
+#import bevy_bounce::interleaved::surface::{Surface, Lens}
+#ifdef SAME_TEXELS
+#import bevy_bounce::interleaved::tent::{Tent, row_mean, column_mean_of, TENT_FEW}
+#else
 #import bevy_bounce::interleaved::tent::{Tent, row_mean, column_mean, TENT_FEW}
+#endif
 #import bevy_bounce::ssbc::common::{parameters, surface_texture, surface_at, view_lens}
 #import bevy_bounce::ssbc::list::list_pixels
 
@@ -29,6 +36,20 @@ fn blur_rows(@builtin(global_invocation_id) id: vec3<u32>) {
     textureStore(output, id.xy, light);
 }
 
+#ifdef SAME_TEXELS
+// Alpha: as in `interleaved/filter.wgsl`.
+@group(0) @binding(6) var bounded: texture_2d<f32>;
+#endif
+
+fn mean_of_column(lens: Lens, center: Surface, pixel: vec2<u32>) -> vec4<f32> {
+    let tent = Tent(parameters.reach, parameters.scale);
+#ifdef SAME_TEXELS
+    return column_mean_of(u32(textureLoad(bounded, pixel, 0).a), surface_texture, light_texture, pixel, tent);
+#else
+    return column_mean(lens, surface_texture, light_texture, center, pixel, tent).light;
+#endif
+}
+
 @compute @workgroup_size(8, 8)
 fn blur_columns(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_invocation_index) lane: u32) {
     let size = textureDimensions(surface_texture);
@@ -37,8 +58,7 @@ fn blur_columns(@builtin(global_invocation_id) id: vec3<u32>, @builtin(local_inv
     let center = surface_at(lens, min(id.xy, size - 1u));
     var light = vec4<f32>(0.0);
     if center.valid && inside {
-        let tent = Tent(parameters.reach, parameters.scale);
-        light = column_mean(lens, surface_texture, light_texture, center, id.xy, tent);
+        light = mean_of_column(lens, center, id.xy);
     }
     if inside {
         textureStore(output, id.xy, vec4<f32>(light.rgb, 1.0));

@@ -17,9 +17,10 @@
 //!    where they are long.
 //! 4. `blur_rows`, `blur_columns`: at every pixel the mean over the tent through which the interleaved sub-images of bounded
 //!    light go. Right at a seam bounded light is too bright by what it got from pixels farther off, and there is too little of
-//!    it beside the seam; the residual is the reverse, once it went the same way. Where both are of one
-//!    resolution they are taken at the same samples, too: what either misses because a seam passes between two of them, the
-//!    other has left over. So its own energy is not that of the residual at all pixels; that of the sum is right.
+//!    it beside the seam; the residual is the reverse, once it went the same way. Where both are of one resolution they are
+//!    taken at the same samples, too (`SAME_TEXELS`: those that the filter of bounded light has told): what either misses
+//!    because a seam passes between two of them, the other has left over. So its own energy is not that of the residual at
+//!    all pixels; that of the sum is right.
 //! 5. At half resolution `repair`: integrated anew, and not blurred, at the pixels for which that finds too few samples of their
 //!    surface, from a list of them.
 //!
@@ -43,7 +44,7 @@
 //! bounded, too. The descent starts from the smallest sphere round the lobe over the receiver in which the geometry term can be
 //! above the bound, and a texel that can have nothing above it anywhere within it is left out at once, by the heights of
 //! each end over the other's plane. An edge keeps the range of its depths, so that what lies near is not overlooked because
-//! the mean lies far. The descent needs no stack. The paper takes pixels for points; where surfaces touch, the light of those
+//! the mean lies far. The descent's stack is a word. The paper takes pixels for points; where surfaces touch, the light of those
 //! next to the receiver would be an accident of the raster, from nothing to half too much, along the seam in dashes. At grazing
 //! angles it lets areas decay, from 80 degrees on; here the radiance decays, from 87: the length of a pixel says how far it reaches.
 //!

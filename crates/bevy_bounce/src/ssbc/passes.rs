@@ -15,11 +15,11 @@ use bevy_bounce_shaders::types::SSBC_REPAIR_HEADER;
 use super::SsbcTextures;
 use super::pipelines::SsbcPipelines;
 use super::prepare::AtPixels;
-use crate::GiIsolate;
 use crate::avg::VoxelGrid;
 use crate::compute::{bind_group, whole};
 use crate::view::{GiView, ViewTextures, view_binding};
 use crate::vpl::VplBuffers;
+use crate::{GiIsolate, Technique};
 
 /// Edge of a workgroup.
 const GROUP: u32 = 8;
@@ -35,6 +35,8 @@ struct Inputs<'a> {
     grid: BindingResource<'a>,
     textures: &'a ViewTextures,
     ours: &'a SsbcTextures,
+    /// The residual is blurred over the texels that bounded light is the mean of.
+    same_texels: bool,
 }
 
 /// Bind groups of the passes of a view.
@@ -56,7 +58,7 @@ struct AtPixelsGroups {
 /// The way from the residual's texels to pixels.
 enum ToPixels {
     /// Blurred along rows, then along columns.
-    Blur([BindGroup; 2]),
+    Blur { rows: BindGroup, columns: BindGroup, same_texels: bool },
     /// As it is.
     Spread(BindGroup),
 }
@@ -93,11 +95,14 @@ impl<'a> Inputs<'a> {
             let residual = to.residual(textures);
             let listing = |from| self.with([texture(from), texture(residual), whole(&to.repairs)]);
             let to_pixels = if ours.is_blurred {
-                let rows = &textures.interleaved;
-                ToPixels::Blur([
-                    p.blur_rows.bind(device, cache, &self.with([texture(&ours.residual), texture(rows)])),
-                    p.blur_columns.bind(device, cache, &listing(rows)),
-                ])
+                let (between, same_texels) = (&textures.interleaved, self.same_texels);
+                let bounded = same_texels.then(|| texture(&textures.indirect));
+                let columns: Vec<_> = listing(between).into_iter().chain(bounded).collect();
+                ToPixels::Blur {
+                    rows: p.blur_rows.bind(device, cache, &self.with([texture(&ours.residual), texture(between)])),
+                    columns: p.blur_columns[usize::from(same_texels)].bind(device, cache, &columns),
+                    same_texels,
+                }
             } else {
                 ToPixels::Spread(p.spread.bind(device, cache, &listing(&ours.residual)))
             };
@@ -133,9 +138,9 @@ fn iterate(
     if let Some(AtPixelsGroups { to_pixels, repairs, repair }) = &groups.at_pixels {
         encoder.clear_buffer(repairs, 0, Some(u64::from(4 * SSBC_REPAIR_HEADER)));
         match to_pixels {
-            ToPixels::Blur([rows, columns]) => {
+            ToPixels::Blur { rows, columns, same_texels } => {
                 p.blur_rows.dispatch(encoder, cache, &[rows], view.rows);
-                p.blur_columns.dispatch(encoder, cache, &[columns], view.pixels);
+                p.blur_columns[usize::from(*same_texels)].dispatch(encoder, cache, &[columns], view.pixels);
             }
             ToPixels::Spread(spread) => p.spread.dispatch(encoder, cache, &[spread], view.residual),
         }
@@ -191,7 +196,9 @@ pub(super) fn compensate(
         return;
     };
     let (Some(deferred), Some(apply)) = (prepass.deferred_view(), cache.get_render_pipeline(p.apply)) else { return };
-    let inputs = Inputs { view, parameters, deferred, vpl: &vpl, grid: grid_uniform, textures, ours };
+    let same_texels =
+        gi.technique == Technique::InstantRadiosity && gi.settings.resolution == gi.settings.ssbc.resolution;
+    let inputs = Inputs { view, parameters, deferred, vpl: &vpl, grid: grid_uniform, textures, ours, same_texels };
     let groups = inputs.groups(&p, ctx.render_device(), &cache);
     let sizes = Sizes::new(textures, ours);
 

@@ -23,7 +23,8 @@ pub(super) struct SsbcPipelines {
     pub gather: Kernel,
     pub spread: Kernel,
     pub blur_rows: Kernel,
-    pub blur_columns: Kernel,
+    /// Over the texels of the pixel's surface; then over those that bounded light came from.
+    pub blur_columns: [Kernel; 2],
     pub repair: Kernel,
     /// Adds the residual to its target.
     pub apply: CachedRenderPipelineId,
@@ -34,8 +35,8 @@ pub(super) struct SsbcPipelines {
 impl SsbcPipelines {
     /// Whether all are compiled.
     pub fn are_ready(&self, cache: &PipelineCache) -> bool {
-        let others = [&self.gather, &self.spread, &self.blur_rows, &self.blur_columns, &self.repair];
-        let kernels = self.radiance.iter().chain(&self.reduce).chain(others);
+        let others = [&self.gather, &self.spread, &self.blur_rows, &self.repair];
+        let kernels = self.radiance.iter().chain(&self.reduce).chain(&self.blur_columns).chain(others);
         are_ready(kernels, cache) && cache.get_render_pipeline(self.apply).is_some()
     }
 }
@@ -68,8 +69,8 @@ pub(super) fn init_pipelines(
     let spread = [uniform, uniform, words, light, residual, growing_list];
     // View, parameters, surface, residual; means along rows.
     let blur_rows = [uniform, uniform, words, light, residual];
-    // View, parameters, surface, means along rows; means, pixels to repair.
-    let blur_columns = spread;
+    // View, parameters, surface, means along rows; means, pixels to repair; bounced light.
+    let blur_columns = [uniform, uniform, words, light, residual, growing_list, light];
 
     let apply_layout = BindGroupLayoutDescriptor::new("bounce_ssbc_apply", &[light.build(0, ShaderStages::FRAGMENT)]);
     let apply = cache.queue_render_pipeline(apply_pipeline(&apply_layout, &shaders, &fullscreen));
@@ -85,7 +86,10 @@ pub(super) fn init_pipelines(
         gather: kernel("ssbc/gather.wgsl", "gather", &gather, &[]),
         spread: kernel("ssbc/spread.wgsl", "spread", &spread, &[]),
         blur_rows: kernel("ssbc/blur.wgsl", "blur_rows", &blur_rows, &[]),
-        blur_columns: kernel("ssbc/blur.wgsl", "blur_columns", &blur_columns, &[]),
+        blur_columns: [
+            kernel("ssbc/blur.wgsl", "blur_columns", &blur_columns[..6], &[]),
+            kernel("ssbc/blur.wgsl", "blur_columns", &blur_columns, &["SAME_TEXELS"]),
+        ],
         repair: kernel("ssbc/repair.wgsl", "repair", &repair, &[]),
         apply,
         apply_layout,

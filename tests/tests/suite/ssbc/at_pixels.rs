@@ -2,10 +2,10 @@
 
 use std::collections::HashSet;
 
-use bevy::math::{UVec2, Vec2, Vec3};
-use bevy_bounce_shaders::types::{SSBC_REPAIR_HEADER, SsbcParameters};
+use bevy::math::{UVec2, UVec3, Vec2, Vec3};
+use bevy_bounce_shaders::types::{CompactVpl, Grid, SSBC_REPAIR_HEADER, SsbcParameters, TENT_REACH, VplHeader};
 use bevy_bounce_tests::gpu::{Resources, gpu};
-use bevy_bounce_tests::scene::run;
+use bevy_bounce_tests::scene::{run, run_with};
 use bevy_bounce_tests::twins::ssbc::{GBuffer, half_texels};
 use wgpu::TextureFormat;
 
@@ -84,13 +84,39 @@ fn blur(
         .uniform("parameters", &SsbcParameters { scale, reach, ..PARAMETERS })
         .texture("surface_texture", TextureFormat::Rg32Uint, [eye.size.x, eye.size.y, 1], false, surface)
         .zeroed("repairs", (SSBC_REPAIR_HEADER + eye.size.element_product()) as usize);
-    let resources = texture(resources, "light_texture", texels, &half_texels(&samples));
+    let resources = texture(resources, "samples", texels, &half_texels(&samples)).alias("samples", "light_texture");
     let resources = texture(resources, "rows", eye.size, &[]);
     let resources = texture(resources, "columns", eye.size, &[]).alias("rows", "output");
     run(gpu(), "ssbc/blur.wgsl", "blur_rows", &resources, groups(eye.size));
     let resources = resources.alias("rows", "light_texture").alias("columns", "output");
     run(gpu(), "ssbc/blur.wgsl", "blur_columns", &resources, groups(eye.size));
-    (super::light(&resources, "columns"), listed(&resources, eye.size))
+    let blurred = (super::light(&resources, "columns"), listed(&resources, eye.size));
+    if reach == TENT_REACH {
+        let resources = texture(resources.alias("samples", "light_texture"), "bounded", eye.size, &[]);
+        let same = blur_same_texels(resources, eye.size, scale);
+        assert!(same == blurred, "over the texels of bounded light the mean differs, scale {scale}");
+    }
+    blurred
+}
+
+/// The same over the texels that the filter of bounded light tells.
+fn blur_same_texels(resources: Resources, size: UVec2, scale: u32) -> (Vec<Vec3>, HashSet<usize>) {
+    let defs: &[_] = if scale == 2 { &["HALF_RESOLUTION"] } else { &[] };
+    let blurred_rows = resources.read_texture("rows").unwrap_or_else(|error| panic!("{error}"));
+    let resources = resources
+        .structs("header", &[VplHeader::default()])
+        .structs("compact_vpls", &[CompactVpl::default()])
+        .uniform("grid", &Grid { voxel_size: 1.0, dims: UVec3::ONE, ..Default::default() })
+        .floats("densities", &[1.0, 1.0])
+        .texture("blurred_rows", TextureFormat::Rgba16Float, [size.x, size.y, 1], false, &blurred_rows)
+        .zeroed("repairs", (SSBC_REPAIR_HEADER + size.element_product()) as usize)
+        .alias("rows", "output");
+    run_with(gpu(), "interleaved/filter.wgsl", "filter_rows", defs, &resources, groups(size));
+    let resources = resources.alias("rows", "light_texture").alias("bounded", "output");
+    run_with(gpu(), "interleaved/filter.wgsl", "filter_columns", defs, &resources, groups(size));
+    let resources = resources.alias("blurred_rows", "light_texture").alias("columns", "output");
+    run_with(gpu(), "ssbc/blur.wgsl", "blur_columns", &["SAME_TEXELS"], &resources, groups(size));
+    (super::light(&resources, "columns"), listed(&resources, size))
 }
 
 /// Of lenses with an oblique near plane and without perspective, and two kilometres from the world's origin: what is even stays even, and
