@@ -5,7 +5,7 @@
 //! | `surface` | rg32uint | bits of the reverse-z depth (0: nothing to light), octahedral world normal |
 //! | `direct` | rgba16float | direct light; alpha: whether a surface is lit, and has a lightmap, as `compose/marks.wgsl` says |
 //! | `direct_diffuse` | rgba16float | its diffuse part, and the same alpha; then, where one iteration is all, what compensation adds |
-//! | `indirect` | rgba16float | irradiance of bounced light over pi; alpha, up to compensation: as `interleaved/filter.wgsl` says |
+//! | `indirect` | rgba16float | irradiance of bounced light over pi; alpha, of virtual lights and up to compensation: as `interleaved/filter.wgsl` says |
 //! | `mirrored_sky` | rgba16float | what is mirrored of the sky and of reflection probes, but for what screen-space reflections show; how wide the lobe is, and the probes' share; where it is to be shadowed |
 //! | `sky_seen` | rg of rgba16float | share of the sky's light that is seen by a wide lobe and by a narrow one; where it is to be shadowed |
 //! | `glossy` | rgba16float | bounced light convolved with the lobe of the pixel's roughness, but for what screen-space reflections show; where it is asked for |

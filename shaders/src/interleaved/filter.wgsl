@@ -5,8 +5,8 @@
 //
 // At half resolution, a pixel for which that finds less than an eighth of the samples is lit by all lights.
 //
-// Alpha of the result says from which texels of the column the light came, as a number of up to eight bits: the tents of bias
-// compensation are over the same.
+// Alpha of the result says which texels of the column are of the pixel's surface, bits as a number, with `TOLD`; 0 where nothing is seen.
+// The tents of bias compensation are over the same.
 //
 // What of the sky is seen is joined in the same way (`SKY_SEEN`), in two passes of its own.
 //
@@ -14,7 +14,7 @@
 
 #import bevy_render::view::View
 #import bevy_bounce::interleaved::surface::{Surface, lens_of, surface_of, toward_eye, texels_shaded, PIXELS_A_TEXEL}
-#import bevy_bounce::interleaved::tent::{Tent, Mean, row_mean, column_mean, TENT_FEW, TENT_REACH}
+#import bevy_bounce::interleaved::tent::{Tent, Mean, row_mean, column_mean, TENT_FEW, TENT_REACH, TOLD}
 #ifdef HALF_RESOLUTION
 #import bevy_bounce::interleaved::brightest::BRIGHTEST_PART
 #import bevy_bounce::interleaved::gather::{gather_all, gather_sky}
@@ -66,6 +66,7 @@ fn filter_columns(@builtin(global_invocation_id) id: vec3<u32>) {
     let lens = lens_of(view, size);
     let center = surface_of(lens, textureLoad(surface_texture, id.xy, 0).xy, id.xy);
     var mean = Mean(vec4<f32>(0.0), 0u);
+    var told = 0u;
     if center.valid {
         mean = column_mean(lens, surface_texture, light_texture, center, id.xy, TENT);
 #ifdef HALF_RESOLUTION
@@ -73,6 +74,7 @@ fn filter_columns(@builtin(global_invocation_id) id: vec3<u32>) {
             mean.light = vec4<f32>(gathered(center), 1.0);
         }
 #endif
+        told = TOLD | mean.texels;
     }
-    textureStore(output, id.xy, vec4<f32>(mean.light.rgb, f32(mean.texels)));
+    textureStore(output, id.xy, vec4<f32>(mean.light.rgb, f32(told)));
 }

@@ -16,6 +16,9 @@ const TENT_REACH: u32 = 4u;
 /// Share of the samples below which a pixel is better off by itself.
 const TENT_FEW: f32 = 0.125;
 
+/// Beside the bits of texels: that those of a surface were looked for.
+const TOLD: u32 = 256u;
+
 struct Tent {
     // Texels from its middle to where it ends.
     reach: u32,
@@ -132,7 +135,7 @@ fn column_mean(
     return line_mean(lens, surfaces, light_texture, center, column(id.x, id.y, surfaces), tent);
 }
 
-/// The same, of texels that such a mean told.
+/// The same, of texels that are known.
 fn column_mean_of(
     texels: u32, surfaces: texture_2d<u32>, light_texture: texture_2d<f32>, id: vec2<u32>, tent: Tent,
 ) -> vec4<f32> {

@@ -159,7 +159,7 @@ struct Place {
 }
 
 // Texels from which the descent starts, in blocks of 2x2, row by row: their level, where the first is, and where the picture or the disc
-// ends, pixels.
+// ends, pixels; 0 where they have nothing in common.
 struct Roots {
     level: u32,
     low: vec2<i32>,
@@ -170,7 +170,8 @@ fn roots_of(disc: Disc) -> Roots {
     let level = u32(clamp(ceil(log2(2.0 * max(disc.radius.x, disc.radius.y))), 0.0, f32(SSBC_LEVELS)));
     let size = vec2<f32>(textureDimensions(surface_texture));
     let low = vec2<i32>(max(disc.middle - disc.radius, vec2<f32>(0.0))) & vec2<i32>(-(1i << level));
-    return Roots(level, low, vec2<i32>(ceil(clamp(disc.middle + disc.radius, vec2<f32>(0.0), size))));
+    let end = vec2<i32>(ceil(clamp(disc.middle + disc.radius, vec2<f32>(0.0), size)));
+    return Roots(level, low, select(end, vec2<i32>(0), any(low >= end)));
 }
 
 // Of four texels of a level, row by row, from the one at a corner on: bits of those that have any of a disc.

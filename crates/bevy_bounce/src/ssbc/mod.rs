@@ -18,7 +18,7 @@
 //! 4. `blur_rows`, `blur_columns`: at every pixel the mean over the tent through which the interleaved sub-images of bounded
 //!    light go. Right at a seam bounded light is too bright by what it got from pixels farther off, and there is too little of
 //!    it beside the seam; the residual is the reverse, once it went the same way. Where both are of one resolution they are
-//!    taken at the same samples, too (`SAME_TEXELS`: those that the filter of bounded light has told): what either misses
+//!    taken at the same samples, too (those that the filter of virtual lights has told): what either misses
 //!    because a seam passes between two of them, the other has left over. So its own energy is not that of the residual at
 //!    all pixels; that of the sum is right.
 //! 5. At half resolution `repair`: integrated anew, and not blurred, at the pixels for which that finds too few samples of their
@@ -90,7 +90,7 @@ pub struct SsbcSettings {
     /// Pixels at which it is integrated.
     pub resolution: Resolution,
     /// Blurs the result within surfaces as widely as bounded light is, which is the mean of several pixels': without it,
-    /// seams glow, and a pixel beside them lacks light. Costs each iteration what joining the sub-images of bounded light does.
+    /// seams glow, and a pixel beside them lacks light. Costs each iteration what joining the sub-images of bounded light does, at most.
     pub blur: bool,
 }
 

@@ -35,7 +35,6 @@ struct Inputs<'a> {
     grid: BindingResource<'a>,
     textures: &'a ViewTextures,
     ours: &'a SsbcTextures,
-    /// The residual is blurred over the texels that bounded light is the mean of.
     same_texels: bool,
 }
 
@@ -172,6 +171,11 @@ impl Sizes {
     }
 }
 
+/// Whether the residual is blurred over the texels that bounded light is the mean of.
+fn takes_same_texels(gi: &GiView) -> bool {
+    gi.technique == Technique::InstantRadiosity && gi.settings.resolution == gi.settings.ssbc.resolution
+}
+
 pub(super) fn compensate(
     view: ViewQuery<
         (&GiView, &ViewTextures, &SsbcTextures, &ViewPrepassTextures, &ViewUniformOffset),
@@ -187,7 +191,8 @@ pub(super) fn compensate(
 ) {
     let (gi, textures, ours, prepass, offset) = view.into_inner();
     let (Some(p), Some(vpl), Some(grid)) = (pipelines, vpl, grid) else { return };
-    if gi.isolate == GiIsolate::Bounded || !p.are_ready(&cache) {
+    let same_texels = takes_same_texels(gi);
+    if gi.isolate == GiIsolate::Bounded || !p.are_ready(same_texels, &cache) {
         return;
     }
     let (Some(view), Some(parameters), Some(grid_uniform)) =
@@ -196,8 +201,6 @@ pub(super) fn compensate(
         return;
     };
     let (Some(deferred), Some(apply)) = (prepass.deferred_view(), cache.get_render_pipeline(p.apply)) else { return };
-    let same_texels =
-        gi.technique == Technique::InstantRadiosity && gi.settings.resolution == gi.settings.ssbc.resolution;
     let inputs = Inputs { view, parameters, deferred, vpl: &vpl, grid: grid_uniform, textures, ours, same_texels };
     let groups = inputs.groups(&p, ctx.render_device(), &cache);
     let sizes = Sizes::new(textures, ours);

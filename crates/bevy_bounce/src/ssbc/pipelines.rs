@@ -33,10 +33,11 @@ pub(super) struct SsbcPipelines {
 }
 
 impl SsbcPipelines {
-    /// Whether all are compiled.
-    pub fn are_ready(&self, cache: &PipelineCache) -> bool {
-        let others = [&self.gather, &self.spread, &self.blur_rows, &self.repair];
-        let kernels = self.radiance.iter().chain(&self.reduce).chain(&self.blur_columns).chain(others);
+    /// Whether all are compiled that a view needs.
+    pub fn are_ready(&self, same_texels: bool, cache: &PipelineCache) -> bool {
+        let blur_columns = &self.blur_columns[usize::from(same_texels)];
+        let others = [&self.gather, &self.spread, &self.blur_rows, blur_columns, &self.repair];
+        let kernels = self.radiance.iter().chain(&self.reduce).chain(others);
         are_ready(kernels, cache) && cache.get_render_pipeline(self.apply).is_some()
     }
 }

@@ -22,6 +22,10 @@ const WALK: &str = "
             var walk = walk_of(block, roots, disc);
             while walk.pending != 0u {
                 let place = next(&walk);
+                if place.level == roots.level && any(place.corner >= size) {
+                    // No such texel: the first pixel shows it.
+                    counts[i32(id.x) * size.x * size.y] += 2u;
+                }
                 if place.level > 0u {
                     take_apart(&walk, place, disc);
                 } else if all(place.corner < size) {
